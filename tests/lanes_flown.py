@@ -39,5 +39,5 @@ def flown(*faults: str, seconds: float = 0.3, sets: tuple[str, ...] = ()) -> Flo
     rig.computer_step = watched
     for block, _ in frames(rig, given):
         rows.append(block.copy())
-        lanes += rig.lanes(len(block))
+        lanes += rig.beside(len(block))
     return Flown(np.concatenate(rows), np.concatenate(lanes)["computer"], np.array(bus), np.array(fcc), rig)

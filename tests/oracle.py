@@ -308,7 +308,7 @@ class Oracle:
     def resolve(self, view: View) -> tuple[str, float, set[int]]:
         """The answer of the tie-break rules; without one the vote stays where it stood between two channels."""
         answer = first_answer(view)
-        self.reached(f"{view.pattern} by {answer[0] if answer else 'nobody'}")
+        self.reached(f"{view.pattern} by {answer[0] if answer else 'no rule'}")
         if answer is None:
             return "unresolved", self.split.hold(view, self.vote), set()
         self.reached("both of a pair wrong by trend", answer[0] == "trend" and answer[2] == set(view.use))

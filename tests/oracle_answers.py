@@ -159,7 +159,7 @@ def by_ilm(view: View) -> Answer | None:
 
 
 def by_reference(view: View) -> Answer | None:
-    """The middle of {ranks, reference}; where nobody agrees, the only sample within the reference threshold."""
+    """The middle of {ranks, reference}; where no channels agree, the only sample within the reference threshold."""
     reference = view.seen_reference
     if view.usable_reference is None or reference is None:
         return None
@@ -213,14 +213,14 @@ def by_trend(view: View) -> Answer | None:
 
 
 def by_extremes(view: View) -> Answer | None:
-    """Section 5, when nobody else answers."""
+    """Section 5, when no earlier rule settles it."""
     if view.pattern != "1:1:1:1":
         return None
     return sum(view.use[c] for c in view.middle_two) / 2, {view.by_seen[0], view.by_seen[3]}
 
 
 def by_middle(view: View) -> Answer | None:
-    """Section 6, when nobody else answers."""
+    """Section 6, when no earlier rule settles it."""
     if view.pattern != "1:1:1":
         return None
     return view.use[view.by_seen[1]], {view.by_seen[0], view.by_seen[2]}

@@ -88,7 +88,7 @@ class BoxOracle:
 
 
 def seeded_boxes(seed: int) -> BoxFlight:
-    """Stretches in which nobody, or one to three channels, are silent or off on some of the signals."""
+    """Stretches in which no channel, or one to three channels, are silent or off on some of the signals."""
     draw = random.Random(seed)
     boxes = draw.choice([[1], [1], [1], [1], [1, 2], [1, 2, 3], [0, 1], [0, 1, 2]])
     settings = [some_settings(draw, box=draw.choice(boxes)) for _ in range(SIGNALS)]

@@ -28,12 +28,12 @@ SAYS = list(product(["good", "bad", "absent"], repeat=4))
 ONE_GOOD = list(permutations(["good", "bad", "bad", "bad"]))
 TWO_GOOD = list(permutations(["good", "good", "bad", "bad"]))
 ONE_SIDE = [()]  # a good and a bad pair, as the samples split
-NOBODY_SAYS = [("absent",) * 4]
-MONITORS = [SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NOBODY_SAYS, NOBODY_SAYS]
+NO_MONITOR = [("absent",) * 4]
+MONITORS = [SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NO_MONITOR, NO_MONITOR]
 REFERENCES = [None, None, 0.0, 0.25, 3.0, -1.5, 1.5, 6.25]
 SECONDS = [*REFERENCES, 3.25, 2.5, -2.0]
 ORDERS = list(permutations(TIE_BREAKS))
-NOBODY = [()]
+NO_CHANNEL = [()]
 ONE_OR_TWO = [c for n in (1, 2) for c in permutations(range(4), n)]
 ALL_BUT_ONE = [*permutations(range(4), 3), (0, 1, 2, 3)]
 
@@ -82,12 +82,12 @@ def build(pick: Pick, turn: bool = False) -> Flight:
     for _ in range(pick(range(1, 10))):
         slope = pick(SLOPES)
         offsets = pick(pick([TOGETHER, SPLIT, NOISY, APART, APART, [None]])) or [pick(LEVELS) for _ in range(4)]
-        flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NOBODY_SAYS, NOBODY_SAYS])) or one_side(
+        flags = pick(pick([SAYS, ONE_GOOD, TWO_GOOD, ONE_SIDE, ONE_SIDE, NO_MONITOR, NO_MONITOR])) or one_side(
             offsets, pick([True, False])
         )
-        silent = pick(pick([NOBODY] * 7 + [ONE_OR_TWO, ONE_OR_TWO, ALL_BUT_ONE]))
+        silent = pick(pick([NO_CHANNEL] * 7 + [ONE_OR_TWO, ONE_OR_TWO, ALL_BUT_ONE]))
         offset, second = pick(REFERENCES), pick(SECONDS)
-        lanes = pick(pick([NOBODY, ONE_OR_TWO]))
+        lanes = pick(pick([NO_CHANNEL, ONE_OR_TWO]))
         for _ in range(pick([1, 1, 2, 2, 3, 3, 4, 6, 9])):
             value += slope
             present = set(range(flight.settings.channels)) - set(silent)
@@ -286,7 +286,7 @@ def slow_faults(flight: Flight, pick: Pick) -> Flight:
 
 def with_commands(flight: Flight, pick: Pick) -> Flight:
     """The same with commands to readmit channels."""
-    resets = [pick(pick([NOBODY] * 6 + [ONE_OR_TWO, ALL_BUT_ONE])) for _ in flight.samples]
+    resets = [pick(pick([NO_CHANNEL] * 6 + [ONE_OR_TWO, ALL_BUT_ONE])) for _ in flight.samples]
     return replace(flight, resets=resets, readmit_frames=pick([1, 2, 5]))
 
 

@@ -13,8 +13,8 @@ class Split:
     lasted: int = 0  # frames of the pattern
     answer: tuple[str, frozenset[int]] | None = None  # of the last frame: the rule, and whom it blames
     stood: int = 0  # frames for which that has been so
-    silent: int = 0  # frames in a row that nobody has answered
-    open: int = 0  # frames that nobody has answered since all agreed, or an answer stood
+    silent: int = 0  # frames in a row that no rule has settled
+    open: int = 0  # frames that no rule has settled since all agreed, or an answer stood
     whole: bool = False  # whether all channels in use were compared in this frame
     basis: bool = False  # whether the last vote may be the start of a hold
     closed: bool = False  # behind a filter: the samples of the split are together again

@@ -10,7 +10,7 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from rig.computer.servo_monitors import monitors
-from rig.core.frame import MOVED, lane_rows
+from rig.core.frame import MOVED, second_rows
 from rig.core.kernels import bind
 from rig.flight.put_out import move_surfaces
 from rig.world.actuators.actuators_table import Config
@@ -46,7 +46,7 @@ def moved(
     surfaces = dict.fromkeys(MOVED, SURFACE)
     watch = monitors(config, stops_of(surfaces), rate_hz)
     servos = Actuators(config, surfaces, np.full(3, trim), rate_hz, 1, SeedSequence(seed), watch)
-    servos.prepare(lane_rows(len(asked))["servo"])
+    servos.prepare(second_rows(len(asked))["servo"])
     by_channel, out = servos.data.asked, np.zeros(4)
     step = bind(move_surfaces, by_channel, out, 0, servos.data)
     for k, wanted in enumerate(asked):

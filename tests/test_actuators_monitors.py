@@ -80,7 +80,7 @@ def test_a_spool_model_waits_while_currents_miscompare():
     assert found(rows) == {1: (ActuatorMonitor.CURRENT, 5), 2: (ActuatorMonitor.CURRENT, 5)}
 
 
-def test_a_shut_off_valve_that_sticks_is_told_and_fails_nobody_else():
+def test_a_shut_off_valve_that_sticks_is_reported_and_fails_no_channel():
     rows = moved([0.0] * 100, breaking(commanded=(1, 0.0), added=(1, 1.0), valve_stuck=(1, 1)))
     assert found(rows) == {2: (ActuatorMonitor.CURRENT, 5)}
     differs = rows["valve_differs"][:, 0]
@@ -125,7 +125,7 @@ def test_a_jam_behind_a_stuck_valve_is_found_by_the_spool():
     assert list(by) == [ActuatorMonitor.SPOOL, ActuatorMonitor.CURRENT, ActuatorMonitor.SPOOL, ActuatorMonitor.SPOOL]
 
 
-def test_without_monitors_nobody_is_failed():
+def test_without_monitors_no_channel_is_failed():
     rows = moved([0.0] * 100, breaking(commanded=(1, 0.0), added=(1, 1.0)), monitors=False)
     assert found(rows) == {}
 

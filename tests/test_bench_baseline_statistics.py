@@ -204,7 +204,7 @@ def test_over_frames_the_posterior_stays_near_that_of_brute_force():
 
 
 @pytest.mark.parametrize("baseline", [name for name in BASELINES if name != "weighted"])
-def test_who_watches_fails_nobody(baseline: str):
+def test_a_manager_that_only_watches_fails_no_channel(baseline: str):
     samples = noise(60) * 0.02
     samples[20:, 3] += 5.0
     found = watch(baseline, samples, reference=0.0)

@@ -234,7 +234,7 @@ def test_a_file_of_faults_is_injected_scored_and_the_same_twice(run: Any):
     code, text, _ = run(FILE, "--json")
     found, bytes_ = json.loads(text)["injected"], Path("o.csv").read_bytes()
     assert code == 0 and (found["file"], found["seed"]) == ("f.toml", 4)
-    assert found["outcomes"] == {"right": 1, "wrong": 0, "missed": 0, "prior": 0, "none": 0}
+    assert found["outcomes"] == {"correct": 1, "wrong": 0, "missed": 0, "prior": 0, "none": 0}
     assert found["faults"][0]["delay_s"] == pytest.approx(0.07)
     assert run(FILE)[1].count("offset x.2") == 1 and Path("o.csv").read_bytes() == bytes_
 

@@ -36,7 +36,7 @@ def voted(*faults: dict[str, Any], samples: list[Any] | None = None, **settings:
 
 def test_the_faulty_channel_is_failed_rightly_after_eight_rows():
     [one] = voted({"channels": [3], "start_s": 1.0, "offset": 5.0})
-    assert (one.outcome, one.onset_s, one.failed_channel, one.by) == ("right", 1.0, 3, "comparison")
+    assert (one.outcome, one.onset_s, one.failed_channel, one.by) == ("correct", 1.0, 3, "comparison")
     assert one.failed_at_s == pytest.approx(1.07) and one.delay_s == pytest.approx(0.07)
 
 
@@ -51,8 +51,8 @@ def test_a_pair_outvoted_by_the_trend_is_wrong_or_right_by_its_sign():
     """Constant pairs: the trend keeps the smaller pair, ten rows after the onset."""
     up, down = ({"channels": [1, 2], "start_s": 1.0, "offset": sign * 5.0} for sign in (1, -1))
     assert [(one.outcome, one.failed_channel, one.by) for one in voted(up)] == [
-        ("right", 1, "trend"),
-        ("right", 2, "trend"),
+        ("correct", 1, "trend"),
+        ("correct", 2, "trend"),
     ]
     assert [(one.outcome, one.failed_channel, one.by) for one in voted(down)] == [("wrong", 3, "trend")] * 2
     assert voted(down)[0].delay_s == pytest.approx(0.09)
@@ -64,9 +64,9 @@ def test_after_a_false_isolation_every_fault_is_prior_but_not_after_a_right_one(
     later = {"channels": [1], "start_s": 3.0, "offset": 5.0}
     assert [one.outcome for one in voted(later, samples=samples)] == ["prior"]
     first = {"channels": [2], "start_s": 1.0, "offset": 5.0}
-    assert [one.outcome for one in voted(first, later)] == ["right", "right"]
+    assert [one.outcome for one in voted(first, later)] == ["correct", "correct"]
     again = {"channels": [2], "start_s": 4.0, "offset": 1.0}
-    assert [one.outcome for one in voted(first, again)] == ["right", "prior"]
+    assert [one.outcome for one in voted(first, again)] == ["correct", "prior"]
 
 
 def test_the_onset_of_an_aligned_channel_is_moved_by_its_delay():

@@ -90,7 +90,7 @@ def test_faults_are_injected_into_a_flight_by_its_own_settings(tmp_path: Path):
     faults.write_text('[[faults]]\nkind = "hardover"\nsignal = "roll_rate"\nchannels = [2]\nstart_s = 1.0\n')
     command = ["vote", str(flight.log), "--inject", str(faults), "--out", str(tmp_path / "o.csv"), "--json"]
     voted = json.loads(RUNNER.invoke(app, command).output)
-    assert [one["outcome"] for one in voted["injected"]["faults"]] == ["right"]
+    assert [one["outcome"] for one in voted["injected"]["faults"]] == ["correct"]
     assert set(voted["signals"]) == set(INDEX) and len(voted["discretes"]) == 3
 
 

@@ -257,7 +257,7 @@ def test_a_manager_of_the_users_own_votes(run: Any, tmp_path: Path):
     assert failed(found) == {} and (table["x.voted"] == 7).all() and (table["x.level"] == 3).all()
 
 
-def test_the_mean_fails_nobody_and_says_so(run: Any):
+def test_the_mean_fails_no_channel_and_the_output_says_so(run: Any):
     table, found = run(columns(constant(0, 0, 0, 4)), {**SETTINGS, "manager": "mean"})
     assert failed(found) == {} and (table["x.voted"] == 1).all()
 

@@ -49,7 +49,7 @@ def why(found: dict[str, Any], signal: str) -> list[tuple[int, str] | None]:
 
 @pytest.mark.parametrize(("beside", "by"), [(False, "given_up"), (True, "trend")])
 def test_the_trend_of_a_signal_with_a_reference_column_is_asked_on_demand_alone(beside: bool, by: str, run: Any):
-    """The reference is NaN throughout, so that nobody but the trend could answer 1:1."""
+    """The reference is NaN throughout, so that no rule but the trend could settle 1:1."""
     config = {"default": {"threshold": 1.0, "trend_beside_reference": beside}}
     found = run({"x": FALLING}, config, **{"x.ref": np.full(300, np.nan)})
     assert [reason for _, reason in filter(None, why(found, "x"))] == ([by, by] if by == "given_up" else [by])
@@ -57,7 +57,7 @@ def test_the_trend_of_a_signal_with_a_reference_column_is_asked_on_demand_alone(
 
 
 @pytest.mark.parametrize(("wait_s", "rows"), [(None, 99), (0.2, 19), (0.0, 300)])
-def test_a_split_that_nobody_answers_is_counted_told_and_given_up_after_its_time(
+def test_a_split_that_no_rule_settles_is_counted_told_and_given_up_after_its_time(
     wait_s: float | None, rows: int, run: Any
 ):
     config = {} if wait_s is None else {"unresolved_s": wait_s}
@@ -108,7 +108,7 @@ def test_boxes_that_do_not_hold_each_signal_once_are_refused(boxes: dict[str, li
     assert code == 2 and said in error and error.count("\n") == 1
 
 
-def test_votes_in_one_line_name_what_nobody_decided(tmp_path: Path):
+def test_votes_in_one_line_name_what_no_rule_decided(tmp_path: Path):
     columns = {f"x.{c + 1}": (SPLIT + TURNS)[:, c] for c in range(4)}
     pl.DataFrame({"time_s": np.arange(300) / 100, **columns}).write_csv(tmp_path / "in.csv")
     votes = rig.vote(tmp_path / "in.csv", {"default": {"threshold": 1.0}, "unresolved_s": 0.0})

@@ -11,7 +11,7 @@ import rig
 from rig.core.errors import BadInput
 from rig.studies.benchmark.calibration import calibrate, require_time
 from rig.studies.benchmark.calibration_data import measured, read
-from rig.studies.benchmark.entrants import BIASED, OURS, SLOW_FAULTS, Entrant, entrants, fails_nobody, levels
+from rig.studies.benchmark.entrants import EQUALISED, OURS, SLOW_FAULTS, Entrant, entrants, isolates_no_channel, levels
 from rig.studies.benchmark.healthy_flights import isolations, transients
 
 
@@ -41,12 +41,12 @@ def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
     flights = [f._replace(samples=f.samples + b) for f, b in zip(healthy.flights["pitch_rate"], biases, strict=True)]
     healthy = healthy._replace(flights={"pitch_rate": flights})
     signal = white_signal(8)
-    plain, biased = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, BIASED))
+    plain, biased = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, EQUALISED))
     assert biased.shown["outlier_threshold"] < 0.3 * plain.shown["threshold"]
     assert plain.seen is not None and biased.seen is not None
     assert plain.seen + biased.seen <= 6  # 3.3 each are allowed in ten minutes
     for made in (plain, biased):
-        found = transients(Entrant(made.entrant, OURS), signal, made.values, flights)
+        found = transients(Entrant(made.manager, OURS), signal, made.values, flights)
         assert [(row["failed"], row["bursts"]) for row in found if row["frames"] == 7] == [(0, 110), (0, 110)]
 
 
@@ -81,7 +81,7 @@ def test_flights_in_which_nothing_happens_are_too_few_events():
         calibrate(Entrant("cusum", "cusum"), white_signal(), healthy, 10.0)
 
 
-def test_who_fails_nobody_at_the_least_limit_that_it_may_have_is_given_that_one_and_it_is_told():
+def test_a_manager_that_fails_no_channel_at_its_least_limit_is_given_that_one_and_it_is_told():
     found = calibrate(Entrant("bayes", "bayes"), white_signal(), white(0.05, 2, 1500), 10.0)
     assert found.values["limit"] == 4.59 and found.seen == 0
     said = "bayes: pitch_rate: limit: no false isolation in 0.00833 h even at the lowest level allowed, 4.59"
@@ -91,7 +91,7 @@ def test_who_fails_nobody_at_the_least_limit_that_it_may_have_is_given_that_one_
 def test_only_managers_that_fail_somebody_have_levels():
     signal = white_signal()
     asked = entrants("median,weighted,mean,parity,cusum")
-    assert {e.name for e in asked if fails_nobody(e, signal)} == {"median", "weighted", "mean"}
+    assert {e.name for e in asked if isolates_no_channel(e, signal)} == {"median", "weighted", "mean"}
     assert [(level.name, level.channels) for level in levels(asked[-2], signal)] == [
         ("limit", 4), ("limit_triplex", 3), ("limit_duplex", 2),
     ]  # fmt: skip

@@ -32,7 +32,7 @@ def told() -> Told:
 def test_a_flight_is_that_of_its_scenario_with_what_was_calibrated(told: Told, tmp_path: Path):
     unit = shared_out(trials.shared_out(plan(), 4, 0), 1)[2]
     rows = Flier(plan(), told)(unit)
-    assert rows["entrant"].to_list() == ["cusum", "median", OURS] and rows["trial"].to_list() == [0, 0, 0]
+    assert rows["manager"].to_list() == ["cusum", "median", OURS] and rows["trial"].to_list() == [0, 0, 0]
     made = cell(plan(), unit.number, named=False)
     values = drawn_values(made, 1, Generator(SFC64(streams_of(unit)[0])))
     scenario = flight_scenario(plan(), unit, 0, values)
@@ -46,7 +46,7 @@ def test_a_flight_is_that_of_its_scenario_with_what_was_calibrated(told: Told, t
     }
     for name, overrides in sets.items():
         flight = rig.fly(scenario.resolved(), overrides=overrides, out=tmp_path)
-        row, onset = rows.row(by_predicate=pl.col("entrant") == name, named=True), scenario.faults[0].start_s
+        row, onset = rows.row(by_predicate=pl.col("manager") == name, named=True), scenario.faults[0].start_s
         assert row["lost"] is not flight.survived and (row["outcome"] == "isolated") == (flight.failed != {})
         failed = flight.recorded.rows["state"][:, INDEX["pitch_rate"], 1] == State.FAILED
         assert onset is not None and row["delay_s"] == pytest.approx(failed.argmax() / 100 - np.ceil(onset * 100) / 100)

@@ -19,7 +19,7 @@ def bursts(name: str, signal: OfSignal, values: dict[str, float]) -> list[dict[s
 
 
 @pytest.mark.parametrize("name", ["cross-channel", "cusum", "glr", "parity", "innovation"])
-def test_bursts_below_the_persistence_fail_nobody(name: str):
+def test_bursts_below_the_persistence_fail_no_channel(name: str):
     found = bursts(name, white_signal(8), {})
     assert all((row["bursts"], row["failed"]) == (10, 0) for row in found)
     sizes = [(1, 10.0), (1, 100.0), (3, 10.0), (3, 100.0), (7, 10.0), (7, 100.0)]
@@ -55,7 +55,7 @@ def test_no_level_is_exceeded_by_three_flights_of_which_two_have_something():
 
 
 def test_counts_are_pooled_over_signals_with_their_hours():
-    row = {"entrant": "cusum", "flights": 9, "of": 9, "three": 2, "three_before": 3, "hours": 5.0}
+    row = {"manager": "cusum", "flights": 9, "of": 9, "three": 2, "three_before": 3, "hours": 5.0}
     rows = [{**row, "signal": "pitch_rate", "counted": 1}, {**row, "signal": "roll_rate", "counted": 2}]
     found = counted(rows, 0.1)
     assert [each["signal"] for each in found] == ["pitch_rate", "roll_rate", "all"]

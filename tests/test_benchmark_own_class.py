@@ -10,7 +10,7 @@ from scipy.stats import norm
 from rig.core.errors import BadInput
 from rig.studies.benchmark.benchmark_trials import Runner, Told, shared_out
 from rig.studies.benchmark.calibration import Calibrated, calibrate
-from rig.studies.benchmark.entrants import Entrant, entrants, fails_nobody
+from rig.studies.benchmark.entrants import Entrant, entrants, isolates_no_channel
 from rig.studies.benchmark.own_class import calibrated_number, voted, with_values
 
 NAME = "benchmark_flights:Limited"
@@ -22,7 +22,7 @@ def test_a_manager_of_the_rig_decides_the_same_as_a_class_of_the_users(own: str,
     both = [Entrant(f"benchmark_flights:{own}", f"benchmark_flights:{own}"), Entrant(manager, manager)]
     calibrated = {(e.name, "pitch_rate"): Calibrated(e.name, "pitch_rate") for e in both}
     rows = Runner(plan(), Told(both, calibrated, 0.01, {"pitch_rate": 0.05}))(shared_out(plan(), 18, 5)[0])
-    first, second = (rows.filter(pl.col("entrant") == e.name).drop("entrant") for e in both)
+    first, second = (rows.filter(pl.col("manager") == e.name).drop("manager") for e in both)
     assert first.equals(second) and first["outcome"].n_unique() > 1
 
 
@@ -50,7 +50,7 @@ def test_each_flight_of_a_batch_is_voted_alone_and_numbers_return_to_what_they_w
 
 def test_without_a_number_it_is_compared_by_its_vote_alone():
     (own,) = entrants("benchmark_flights:Wrapped")[4:]
-    assert fails_nobody(own, white_signal()) and not fails_nobody(Entrant(NAME, NAME), white_signal())
+    assert isolates_no_channel(own, white_signal()) and not isolates_no_channel(Entrant(NAME, NAME), white_signal())
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark import on_recordings as recorded
-from rig.studies.benchmark.entrants import BIASED, OURS, SHIPPED, SLOW_FAULTS, entrants
+from rig.studies.benchmark.entrants import BUILT_IN, EQUALISED, OURS, SLOW_FAULTS, entrants
 from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, benchmark
 from rig.studies.thresholds.data import Data, load
 from rig.studies.thresholds.design import DataBlock
@@ -63,9 +63,9 @@ def of_three_in_a_row(blocks: Sequence[DataBlock]) -> float:
 
 
 @pytest.mark.long
-def test_a_level_is_the_least_that_fails_nobody_in_its_half_and_a_margin(data: Data, result: dict[str, Any]):
+def test_a_level_is_the_least_that_fails_no_channel_in_its_half_and_a_margin(data: Data, result: dict[str, Any]):
     for row in result["levels"]:
-        if row["entrant"] == "cross-voter":
+        if row["manager"] == "cross-voter":
             margin = row["told"]["threshold"] / of_three_in_a_row(data.signals[row["signal"]][row["half"] :: 2])
             assert any(chosen <= margin < 1.05 * chosen for chosen in MARGINS)
 
@@ -75,7 +75,7 @@ def test_flights_that_are_noisier_than_others_of_their_half_ask_for_a_margin(tmp
     write(tmp_path, 8, apart=0.0, noise=(0.02, 0.02, 0.036, 0.036), names="x")
     data = load([tmp_path], CONFIG, "config")
     for row in benchmark(data, CONFIG, entrants("cross-voter"))["levels"]:
-        if row["entrant"] in (OURS, "cross-voter"):
+        if row["manager"] in (OURS, "cross-voter"):
             quiet = data.signals["x"][row["half"] :: 4]
             assert row["told"]["threshold"] > 2.0 * of_three_in_a_row(quiet)
             assert row["false"] == 0
@@ -88,22 +88,22 @@ def test_every_piece_has_one_outcome_and_differences_pair_them(result: dict[str,
     for row in every:
         assert row["trials"] == 11 * PIECES * 2
         assert row["isolated"] + row["wrong channel"] + row["missed"] + row["prior"] == row["trials"]
-    by_pair = {(row["signal"], row["entrant"]): row for row in every}
+    by_pair = {(row["signal"], row["manager"]): row for row in every}
     for row in result["differences"]:
         if row["kind"] == "all":
-            mine, ours = (by_pair[row["signal"], name]["isolated"] for name in (row["entrant"], row["ours"]))
+            mine, ours = (by_pair[row["signal"], name]["isolated"] for name in (row["manager"], row["built_in"]))
             assert row["trials"] == 11 * PIECES * 2 and row["value"] == pytest.approx((mine - ours) / row["trials"])
 
 
 @pytest.mark.long
-def test_what_is_large_is_found_and_who_fails_nobody_misses_it(result: dict[str, Any]):
-    offsets = {row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "offset 2")}
-    assert offsets[SHIPPED]["isolated"] == 2 * PIECES
+def test_what_is_large_is_found_and_a_manager_that_fails_no_channel_misses_it(result: dict[str, Any]):
+    offsets = {row["manager"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "offset 2")}
+    assert offsets[BUILT_IN]["isolated"] == 2 * PIECES
     assert offsets["median"]["missed"] == 2 * PIECES
     small = {
-        row["entrant"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
+        row["manager"]: row for row in result["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
     }
-    assert small[BIASED]["isolated"] > small[OURS]["isolated"] + PIECES / 2  # constants are four times the noise
+    assert small[EQUALISED]["isolated"] > small[OURS]["isolated"] + PIECES / 2  # constants are four times the noise
 
 
 @pytest.mark.long
@@ -111,12 +111,12 @@ def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
     """Offsets of a twentieth of the motion, below the noise of a sample."""
     write(tmp_path, 4, apart=0.1, noise=(0.1,), names="x")
     found = benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
-    told = [row["told"] for row in found["levels"] if row["entrant"] == SLOW_FAULTS]
+    told = [row["told"] for row in found["levels"] if row["manager"] == SLOW_FAULTS]
     assert len(told) == 2 and any(0.0 < of["slow_allowance"] < of["slow_limit"] for of in told)
     small = {
-        row["entrant"]: row for row in found["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
+        row["manager"]: row for row in found["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
     }
-    assert small[SLOW_FAULTS]["isolated"] > small[BIASED]["isolated"] + PIECES / 2
+    assert small[SLOW_FAULTS]["isolated"] > small[EQUALISED]["isolated"] + PIECES / 2
 
 
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):

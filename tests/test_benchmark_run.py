@@ -95,7 +95,7 @@ def test_every_trial_has_one_outcome_for_each_entrant_and_all_kinds_add_up(whole
     for row in table:
         assert row["isolated"] + row["wrong channel"] + row["missed"] + row["prior"] == row["trials"]
     assert {row["reference"] for row in table} == set(STATES)
-    one = [row for row in table if (row["reference"], row["faults"], row["entrant"]) == ("as flown", 1, "cusum")]
+    one = [row for row in table if (row["reference"], row["faults"], row["manager"]) == ("as flown", 1, "cusum")]
     kinds, together = [row for row in one if row["kind"] != "all"], next(row for row in one if row["kind"] == "all")
     assert sum(row["isolated"] for row in kinds) == together["isolated"]
     assert together["trials"] == 4 * 2
@@ -104,12 +104,12 @@ def test_every_trial_has_one_outcome_for_each_entrant_and_all_kinds_add_up(whole
 
 
 def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: tuple[Path, dict[str, Any]]):
-    counted = {row["entrant"]: row for row in whole[1]["second"]}
+    counted = {row["manager"]: row for row in whole[1]["second"]}
     assert set(counted) == {
         "cross-channel",
-        "cross-channel bias",
+        "cross-channel equalised",
         "cross-channel slow",
-        "cross-channel shipped",
+        "cross-channel built-in",
         "cusum",
     }
     assert all(row["expected"] == pytest.approx(row["hours"]) for row in counted.values())  # one an hour

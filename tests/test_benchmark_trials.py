@@ -23,14 +23,14 @@ def rows(*entrants: Entrant, unit: int = 0) -> pl.DataFrame:
 def test_what_an_entrant_sees_does_not_depend_on_who_else_takes_part_or_in_which_order():
     alone, first, last = rows(CUSUM), rows(CUSUM, MEDIAN), rows(MEDIAN, CUSUM)
     for others in (first, last):
-        assert others.filter(pl.col("entrant") == "cusum").equals(alone)
-    assert first.filter(pl.col("entrant") == "median").equals(last.filter(pl.col("entrant") == "median"))
+        assert others.filter(pl.col("manager") == "cusum").equals(alone)
+    assert first.filter(pl.col("manager") == "median").equals(last.filter(pl.col("manager") == "median"))
     baseline = rows(MEDIAN, MEDIAN._replace(name="again"))
-    halves = [baseline.filter(pl.col("entrant") == name).drop("entrant") for name in ("median", "again")]
+    halves = [baseline.filter(pl.col("manager") == name).drop("manager") for name in ("median", "again")]
     assert halves[0].equals(halves[1])
 
 
-def test_who_fails_nobody_misses_everything_and_an_offset_moves_its_median_by_less_than_its_size():
+def test_a_manager_that_fails_no_channel_misses_all_and_an_offset_moves_its_median_by_less_than_its_size():
     found = rows(MEDIAN)
     assert (found["kind"] == "offset").all() and (found["outcome"] == "missed").all()
     assert found["size"].is_between(0.1, 3.0).all() and found["size"].n_unique() == 6

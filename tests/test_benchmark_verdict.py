@@ -9,7 +9,7 @@ def group(entrant: str, low: float, high: float, **more: Any) -> dict[str, Any]:
     place = {"reference": "as flown", "signal": "pitch_rate", "kind": "offset", "faults": 1, "trials": 100}
     interval = {"value": (low + high) / 2.0, "low": low, "high": high}
     votes = {"peak_smaller": 30, "peak_larger": 60}
-    return {"ours": "cross-channel", **place, "entrant": entrant, **interval, **votes, **more}
+    return {"built_in": "cross-channel", **place, "manager": entrant, **interval, **votes, **more}
 
 
 def said(table: Any = (), rows: Any = (), silent: Any = (), **more: Any) -> list[str]:
@@ -48,24 +48,27 @@ def test_without_a_loss_the_verdict_names_the_managers_that_isolate_less():
 
 
 def test_the_same_difference_is_one_sentence_for_all_variants():
-    rows = [group("cusum", -0.3, -0.1, kind="all", ours=ours) for ours in ("cross-channel", "cross-channel bias")]
+    rows = [
+        group("cusum", -0.3, -0.1, kind="all", built_in=name) for name in ("cross-channel", "cross-channel equalised")
+    ]
     assert said(rows=rows) == [
-        "no baseline manager isolates significantly more than cross-channel, cross-channel bias in any group",
-        "cross-channel, cross-channel bias isolate 20.0 points more than cusum (95 %: 10.0 to 30.0): "
+        "no baseline manager isolates significantly more than cross-channel, cross-channel equalised in any group",
+        "cross-channel, cross-channel equalised isolate 20.0 points more than cusum (95 %: 10.0 to 30.0): "
         "pitch_rate, all kinds, 1 fault, reference as flown",
     ]
 
 
 def test_a_difference_that_may_be_chance_is_called_not_significant():
-    rows = [group(f"cross-channel {name}", -0.1, 0.1, kind="all") for name in ("bias", "slow")]
+    rows = [group(f"cross-channel {name}", -0.1, 0.1, kind="all") for name in ("equalised", "slow")]
     assert said(rows=rows) == [
-        "cross-channel bias, cross-channel slow against cross-channel: +0.0 points isolated (95 %: -10.0 to +10.0), "
-        "not significant: pitch_rate, all kinds, 1 fault, reference as flown"
+        "cross-channel equalised, cross-channel slow against cross-channel: "
+        "+0.0 points isolated (95 %: -10.0 to +10.0), not significant: "
+        "pitch_rate, all kinds, 1 fault, reference as flown"
     ]
 
 
 def test_the_bursts_of_a_manager_share_a_sentence():
-    burst = {"entrant": "parity", "signal": "pitch_rate", "bursts": 12, "failed": 12}
+    burst = {"manager": "parity", "signal": "pitch_rate", "bursts": 12, "failed": 12}
     sizes = [{"frames": 1, "thresholds": 10.0}, {"frames": 4, "thresholds": 2.0}]
     assert said(transients=[{**burst, **size} for size in sizes]) == [
         "parity ISOLATES A CHANNEL FOR A TRANSIENT: pitch_rate: 12 of 12 bursts of 1 frame and 10 thresholds; "
@@ -82,6 +85,6 @@ def test_a_manager_that_isolates_no_channel_is_compared_by_its_vote_alone():
 
 
 def test_a_budget_is_broken_when_chance_would_hardly_make_so_many():
-    count = {"entrant": "cusum", "signal": "pitch_rate", "expected": 0.1}
+    count = {"manager": "cusum", "signal": "pitch_rate", "expected": 0.1}
     assert "EXCEEDS THE FALSE-ISOLATION RATE" in said(second=[{**count, "counted": 2}])[-1]  # a chance of 0.5 %
     assert said(second=[{**count, "expected": 1.0, "counted": 2}]) == []  # 26 %

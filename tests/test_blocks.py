@@ -155,7 +155,7 @@ def strips(which: Scenario, parts: list[Table]) -> Any:
     for part in parts:
         changes = [*state_strips.changes(part.rows, None if before is None else before.rows, facts(which).faults)]
         for shown in (lanes_view.SHOWN, servo_series.SHOWN):
-            changes += shown.changes(part, before) if shown.part in which.lane_parts else []
+            changes += shown.changes(part, before) if shown.part in which.row_parts else []
         found += [(c.path, first + int(k), s) for c in changes for k, s in zip(c.rows, c.states, strict=True)]
         first, before = first + len(part), part[-1:]
     return sorted(found, key=str)

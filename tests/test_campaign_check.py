@@ -78,7 +78,7 @@ def test_update_keeps_the_decisions_and_says_what_moved(rig_command, tmp_path):
 
 
 def test_one_changed_threshold_fails_with_the_id_and_the_margin(rig_command, tmp_path):
-    """With a threshold of 2 rad/s a hardover of 1.5 rad/s is not found, where nobody counts that its samples repeat."""
+    """With a threshold of 2 rad/s a hardover of 1.5 rad/s is not found, where repeated samples are not counted."""
     q = "redundancy.signals.pitch_rate"
     write(tmp_path, f', "{q}.threshold" = 2.0, "{q}.stale_frames" = 0')
     code, out, _ = rig_command("check", "suite.toml", "--junit", "out.xml")

@@ -77,7 +77,7 @@ def flown(number: int, **more: Any) -> dict[str, Any]:
 def fault(number: int, magnitude: float | None, outcome: str, **more: Any) -> dict[str, Any]:
     detected = outcome == "detected"
     row = {"run": number, "fault": 0, "id": "f", "signal": "pitch_rate", "channel": 1, "kind": "offset"}
-    row |= {"magnitude": magnitude, "outcome": outcome, "isolation": "right" if detected else "none"}
+    row |= {"magnitude": magnitude, "outcome": outcome, "isolation": "correct" if detected else "none"}
     delays = {"delay_from_onset_s": 0.08, "delay_from_exceeded_s": 0.07, "decided_by": "comparison"} if detected else {}
     return {**row, **delays, "pattern": "isolated" if detected else "normal", **more}
 
@@ -112,8 +112,8 @@ def folder(tmp_path: Path) -> Folder:
         *({"run": 11, "kind": "false alarm", "signal": "heading", "channel": c, "time_s": 2.0} for c in (1, 2)),
     ]
     order = ["ilm", "trend", "reference"]
-    episodes = [episode(n, "trend", "wrong" if n < 2 else "right", order[:2]) for n in range(10)]
-    episodes += [episode(n, "reference", "right", order) for n in range(10, 15)]
+    episodes = [episode(n, "trend", "wrong" if n < 2 else "correct", order[:2]) for n in range(10)]
+    episodes += [episode(n, "reference", "correct", order) for n in range(10, 15)]
     episodes += [episode(15, "unresolved", "open", order), episode(16, "trend", "open", order[:2])]
     return made(tmp_path / "campaign", {"runs": runs, "faults": faults, "alarms": alarms, "episodes": episodes})
 
@@ -129,7 +129,7 @@ def test_the_headline_counts_what_the_table_was_made_of(folder: Folder):
     assert counted(head["survival"]) == (38, 39)
     assert (head["undetectable"], head["not_executed"], head["faults"]) == (10, 1, 42)
     assert counted(head["detection"]) == (25, 31)  # 24 offsets and the dropout
-    assert counted(head["right_isolation"]) == (24, 31) and counted(head["wrong_isolation"]) == (1, 31)
+    assert counted(head["correct_isolation"]) == (24, 31) and counted(head["wrong_isolation"]) == (1, 31)
     assert counted(head["false_alarms"]) == (2, 39 * 0.5)
     assert head["false_alarms"]["value"] == pytest.approx(2 / 19.5)
     assert head["detection"]["low"] == pytest.approx(0.6254, abs=2e-4)  # Clopper-Pearson, 25 of 31
@@ -161,11 +161,11 @@ def test_rates_are_those_of_each_magnitude_pattern_and_rule(folder: Folder):
 def test_the_truth_table_of_the_rules_counts_who_was_asked_and_right(folder: Folder):
     found = {row["decided_by"]: row for row in summary(folder)["tie_break"] if row["pattern"] == "2:2"}
     counts = {
-        name: [row[key] for key in ("asked", "answered", "right", "wrong", "open")] for name, row in found.items()
+        name: [row[key] for key in ("asked", "answered", "correct", "wrong", "open")] for name, row in found.items()
     }
     assert counts == {"ilm": [17, 0, 0, 0, 0], "trend": [17, 11, 8, 2, 1], "reference": [6, 5, 5, 0, 0]}
-    assert counted(found["trend"]["right_share"]) == (8, 10)
-    assert found["trend"]["right_share"]["low"] == pytest.approx(0.4439, abs=1e-4)  # Clopper-Pearson, 8 of 10
+    assert counted(found["trend"]["correct_share"]) == (8, 10)
+    assert found["trend"]["correct_share"]["low"] == pytest.approx(0.4439, abs=1e-4)  # Clopper-Pearson, 8 of 10
 
 
 def test_the_smallest_magnitude_and_the_delays(folder: Folder):

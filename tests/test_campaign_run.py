@@ -1,4 +1,4 @@
-"""Flying campaigns: the same table whoever flies, nothing lost and nothing twice, whatever is killed."""
+"""Flying campaigns: the same table by any worker, nothing lost and nothing twice, whatever is killed."""
 
 import gc
 import json
@@ -43,7 +43,7 @@ turbulence = ["none", "light"]
 workers = 2
 batch = 3
 """
-# What JSBSim does with an aircraft whose equations read what nobody declares: it ends the process.
+# What JSBSim does with an aircraft whose equations read what is not declared: it ends the process.
 ABORTING = """
 from pathlib import Path
 
@@ -162,7 +162,7 @@ def test_a_run_with_lanes_or_servos_has_the_digest_of_the_table_when_it_is_flown
     for number in range(len(campaign.plan)):
         flight, digest = again(campaign, number, tmp_path)
         assert flight.digest == digest
-        there.add(flight.scenario.lane_parts)
+        there.add(flight.scenario.row_parts)
     assert there == {(), ("servo",), ("computer",), ("servo", "computer")}
 
 

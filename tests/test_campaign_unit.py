@@ -1,4 +1,4 @@
-"""Campaigns of a unit under test: the same table whoever flies, its deaths no losses of the aircraft."""
+"""Campaigns of a unit under test: the same table by any worker, its deaths no losses of the aircraft."""
 
 from __future__ import annotations
 

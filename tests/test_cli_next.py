@@ -1,4 +1,4 @@
-"""The commands that a flight prints as the next ones work as printed, whoever voted; and they name who did."""
+"""The commands that a flight prints as the next ones work as printed, by any voter; and they name it."""
 
 import shlex
 import shutil

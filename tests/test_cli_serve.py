@@ -42,7 +42,7 @@ def test_a_flight_begins_when_a_viewer_is_connected(capsys: pytest.CaptureFixtur
     )
 
 
-def test_it_waits_for_nobody_when_told_so_or_when_it_is_given_up(capsys: pytest.CaptureFixture[str]):
+def test_it_waits_for_no_viewer_when_told_so_or_when_it_is_given_up(capsys: pytest.CaptureFixture[str]):
     stream, stop = Served(10**9), Stop()
     Watching(wait=False).opened(stream, stop)  # pyright: ignore[reportArgumentType]
     assert "starts when" not in capsys.readouterr().err

@@ -44,7 +44,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> list[Terminal]:
     return shown
 
 
-def test_what_is_told_reaches_the_listener_and_nobody_else():
+def test_what_is_told_reaches_the_listener_alone():
     heard: list[tuple[str, int, int]] = []
     tell("before")
     with listening(lambda *told: heard.append(told)):

@@ -128,7 +128,7 @@ def test_campaign_titles_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[
     }
     show.status(found)
     rate = {"value": None, "of": 0}
-    head = dict.fromkeys(("detection", "right_isolation", "wrong_isolation", "survival", "false_alarms"), rate)
+    head = dict.fromkeys(("detection", "correct_isolation", "wrong_isolation", "survival", "false_alarms"), rate)
     counts = dict.fromkeys(("faults", "not_executed", "undetectable"), 0)
     empty = {"tie_break": [], "servos": [], "requirements": []}
     show.report(

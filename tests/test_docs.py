@@ -71,7 +71,7 @@ def test_the_manager_in_the_docs_fails_the_faulty_channel():
 
 @pytest.mark.long
 @pytest.mark.usefixtures("documented")
-def test_the_manager_in_the_docs_fails_nobody_healthy_in_a_hundred_flights():
+def test_the_manager_in_the_docs_fails_no_healthy_channel_in_a_hundred_flights():
     """Heading north, where the channels of heading lie on both sides of the end of the circle."""
     for seed in range(100):
         point = ("20000ft_m06", "10000ft_m08")[seed % 2]

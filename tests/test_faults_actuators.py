@@ -20,7 +20,7 @@ def flown(*faults: str, seconds: float = 4.0, sets: tuple[str, ...] = ()) -> tup
     """Rows, rows of the servos and broken parts (frames, 3, Part, 4) of an F-16 in level flight with ``faults``."""
     tables = ", ".join(f"{{{fault}, start_s={ONSET_S}}}" for fault in faults)
     given = scenario.load(None, [SERVO, f"duration_s={seconds}", f"faults=[{tables}]", *sets])
-    rig, rows, lanes, broken = Rig(given), [], [], []
+    rig, rows, servos, broken = Rig(given), [], [], []
     step = rig.computer_step
 
     def watched(block: Any, k: int, data: Any) -> None:
@@ -30,8 +30,8 @@ def flown(*faults: str, seconds: float = 4.0, sets: tuple[str, ...] = ()) -> tup
     rig.computer_step = watched
     for block, _ in frames(rig, given):
         rows.append(block.copy())
-        lanes += rig.lanes(len(block))
-    return np.concatenate(rows), np.concatenate(lanes)["servo"], np.array(broken)
+        servos += rig.beside(len(block))
+    return np.concatenate(rows), np.concatenate(servos)["servo"], np.array(broken)
 
 
 WHOLE = whole_parts()
@@ -94,21 +94,21 @@ def test_a_wire_is_seen_to_be_open_as_often_as_its_monitor_covers():
 
 def test_a_fault_with_an_end_leaves_its_part_whole_again():
     fault = 'kind="lvdt", signal="actuator.elevator", channels=[1], offset=0.004, duration_s=0.5'
-    _, lanes, broken = flown(fault, seconds=3.0)
-    assert (broken[ONSET + 50 :] == WHOLE).all() and not lanes["failed_by"].any()
+    _, servos, broken = flown(fault, seconds=3.0)
+    assert (broken[ONSET + 50 :] == WHOLE).all() and not servos["failed_by"].any()
 
 
 def test_a_stuck_position_sensor_stays_at_its_last_value():
-    _, lanes, _ = flown(
+    _, servos, _ = flown(
         'kind="lvdt", signal="actuator.elevator", channels=[1], stuck=true', sets=('turbulence="severe"',)
     )
-    held = lanes["lvdt"][ONSET:, 0, 0]
-    assert (held == held[0]).all() and np.ptp(lanes["lvdt"][ONSET:, 0, 1]) > 0
+    held = servos["lvdt"][ONSET:, 0, 0]
+    assert (held == held[0]).all() and np.ptp(servos["lvdt"][ONSET:, 0, 1]) > 0
 
 
 def test_a_fault_of_the_surface_comes_behind_the_servo():
-    rows, lanes, _ = flown('kind="offset", signal="surface.elevator", offset=0.002', seconds=3.0)
-    off = rows["surface_command"][:, 0] - lanes["ram"][:, 0]
+    rows, servos, _ = flown('kind="offset", signal="surface.elevator", offset=0.002', seconds=3.0)
+    off = rows["surface_command"][:, 0] - servos["ram"][:, 0]
     assert (off[:ONSET] == 0).all() and off[ONSET:] == pytest.approx(0.002)
 
 
@@ -123,8 +123,8 @@ def test_a_fault_of_the_surface_comes_behind_the_servo():
 )
 def test_one_channel_is_found_and_the_aircraft_flies_on(surface: str, fault: str, monitor: ActuatorMonitor):
     sets = ("actuators.continuity.coverage=1.0",)
-    rows, lanes, _ = flown(f'{fault}, signal="actuator.{surface}", channels=[3]', seconds=6.0, sets=sets)
-    failed = lanes["failed_by"][-1]
+    rows, servos, _ = flown(f'{fault}, signal="actuator.{surface}", channels=[3]', seconds=6.0, sets=sets)
+    failed = servos["failed_by"][-1]
     assert rows["end"][-1] == End.FLYING and failed[MOVED.index(surface), 2] == monitor
     assert np.count_nonzero(failed) == 1
 

@@ -168,7 +168,7 @@ def blocks(*sets: str) -> tuple[Any, Any]:
     rig, rows, lanes = Rig(scenario.load(None, [*sets, SERVO, FOUR])), [], []
     for block, _ in frames(rig, rig.scenario):
         rows.append(block.copy())
-        lanes += rig.lanes(len(block))
+        lanes += rig.beside(len(block))
     return np.concatenate(rows), np.concatenate(lanes)
 
 
@@ -213,7 +213,7 @@ def test_lanes_lost_one_after_the_other_leave_the_back_up_which_flies(model: str
     assert len(flight.rows) == 2000 and np.abs(flight.rows["truth"][:, INDEX["pitch_angle"]]).max() < 0.5
 
 
-def test_nobody_finds_what_the_program_of_all_does_wrong_and_the_back_up_comes_by_command():
+def test_no_lane_detects_an_error_of_the_common_program_and_the_back_up_comes_by_command():
     order = 'computers.commands=[{at_s=0.2, do="backup"}]'
     fault = 'kind="software", signal="computer.all", surface="elevator", does="offset", offset=-0.02'
     flight = flown(fault, seconds=0.5, sets=(order,))

@@ -96,7 +96,7 @@ def test_a_biased_gyro_is_the_answer_and_the_sensor_flies_on(bias: float):
     assert flight.trusts == {Trust.TRUSTED} and flight.passed_on and flight.rates == UNIT_ALONE
 
 
-def test_when_the_bias_is_gone_the_gyros_are_believed_again():
+def test_when_the_bias_is_gone_the_gyros_are_used_again():
     flight = Flight()
     flight.gyro = 0.02
     flight.fly(20.0)
@@ -154,7 +154,7 @@ def test_a_sensor_is_corrected_by_the_gyros_again_once_they_are_well():
 
 
 @pytest.mark.parametrize("bias", [-0.02, 0.003])
-def test_a_biased_unit_is_nobody_s_fault_and_leaves_the_gyros_alone(bias: float):
+def test_a_biased_unit_is_no_fault_of_a_channel_and_leaves_the_gyros_alone(bias: float):
     flight = Flight()
     flight.unit = bias
     flight.fly(20.0)

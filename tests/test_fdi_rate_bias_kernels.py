@@ -192,9 +192,7 @@ def test_who_is_not_asked_is_aligned_less_by_the_usual_difference(trust: Trust, 
 @pytest.mark.parametrize(
     ("rates", "drift", "kept", "variance"), [(UNIT_ALONE, 0.12, 0.003, 5e-6), (GYROS_ALONE, 0.1, 0.0, 1e-6)]
 )
-def test_the_rates_are_both_believed_after_five_seconds_as_usual(
-    rates: int, drift: float, kept: float, variance: float
-):
+def test_the_rates_are_both_used_after_five_seconds_as_usual(rates: int, drift: float, kept: float, variance: float):
     frames = round(5.0 * RATE_HZ)
     w = state(
         rates,

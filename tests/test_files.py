@@ -157,7 +157,7 @@ def test_a_folder_with_a_file_of_somebody_is_not_unused(tmp_path: Path, name: st
     assert (tmp_path / name).exists()
 
 
-def test_a_lock_that_holds_text_is_a_link_or_a_folder_is_nobodys_lock(tmp_path: Path):
+def test_a_file_with_text_a_link_and_a_folder_are_no_locks(tmp_path: Path):
     lock = tmp_path / "lock"
     lock.write_text("a key")
     assert not is_unused(tmp_path)

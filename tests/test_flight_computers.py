@@ -22,7 +22,7 @@ def found(*faults: str, commands: str = "", seconds: float = 1.0, more: tuple[st
     which = scenario.load(None, sets)
     rig, findings = Rig(which), Findings(which)
     for rows, timing in frames(rig, which):
-        for lanes in rig.lanes(len(rows)):
+        for lanes in rig.beside(len(rows)):
             findings.record(Table(rows, lanes, timing))
     return findings
 
@@ -75,7 +75,7 @@ def test_a_lane_that_the_pilot_switches_off_was_not_failed():
     ("faults", "commands", "why"),
     [
         ((), '{at_s=0.5, do="backup"}', computers.BY_COMMAND),
-        (tuple(f'kind="computer_stop", signal="computer.{name}"' for name in "ABCD"), "", computers.NO_LANE),
+        (tuple(f'kind="computer_stop", signal="computer.{name}"' for name in "ABCD"), "", computers.NONE_ENGAGED),
     ],
 )
 def test_the_back_up_says_why_it_flies(faults: tuple[str, ...], commands: str, why: str):
@@ -84,7 +84,7 @@ def test_the_back_up_says_why_it_flies(faults: tuple[str, ...], commands: str, w
     assert [text for _, name, text in events(findings) if name == computers.BACKUP] == [why]
 
 
-def test_a_vote_that_nobody_settles_leads_to_the_back_up():
+def test_a_vote_that_no_rule_settles_leads_to_the_back_up():
     two = tuple(f'kind="wrong_command", signal="computer.{name}", surface="elevator"' for name in "CD")
     findings = found(*two)
     assert findings.computers.backup is not None and findings.computers.backup[1] == computers.UNRESOLVED

@@ -110,7 +110,7 @@ def test_rows_that_have_not_moved_are_seen_at_a_glance(monkeypatch):
 
 
 def test_what_is_failed_in_the_first_frame_has_its_events_there():
-    """A monitor without persistence: nobody saw the channel healthy before."""
+    """A monitor without persistence: the channel was not seen healthy before."""
     block, gear = blank(), DISCRETE_INDEX["gear_down"]
     block["state"][:, Q, 2] = block["discrete_state"][:, gear, 0] = State.FAILED
     block["level"][:, Q] = block["discrete_level"][:, gear] = 3

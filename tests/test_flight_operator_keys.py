@@ -50,7 +50,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 class Plan:
-    """Presses keys when their frames are due: nobody else presses between two frames."""
+    """Presses keys when their frames are due: no other presses between two frames."""
 
     def __init__(self, plan: dict[int, str]) -> None:
         self.plan = plan

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, LaneParts, State, Table, lane_rows, new_block
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, RowParts, State, Table, new_block, second_rows
 from rig.flight.summary import Verdict
 
 ALPHA, N_Z, PSI, Q = (INDEX[n] for n in ("angle_of_attack", "normal_load_factor", "heading", "pitch_rate"))
@@ -28,34 +28,34 @@ def test_the_digest_is_that_of_all_rows_however_they_come():
     assert parts.frames == 200
 
 
-PARTS: list[LaneParts] = [("servo",), ("computer",), ("servo", "computer")]
+PARTS: list[RowParts] = [("servo",), ("computer",), ("servo", "computer")]
 
 
-def beside(parts: LaneParts) -> Block:
-    rng, lanes = np.random.default_rng(1), lane_rows(200, parts)
+def beside(parts: RowParts) -> Block:
+    rng, second = np.random.default_rng(1), second_rows(200, parts)
     for part in parts:
-        for name in lanes[part].dtype.names or ():
-            lanes[part][name] = rng.integers(0, 100, lanes[part][name].shape)
-    return lanes
+        for name in second[part].dtype.names or ():
+            second[part][name] = rng.integers(0, 100, second[part][name].shape)
+    return second
 
 
 @pytest.mark.parametrize("parts", PARTS)
 @given(cuts=st.sets(st.integers(1, 199)))
-def test_the_digest_of_rows_and_lanes_is_that_of_both_however_they_come(parts: LaneParts, cuts: set[int]):
-    block, lanes, verdict = flown(), beside(parts), Verdict()
+def test_the_digest_of_rows_and_lanes_is_that_of_both_however_they_come(parts: RowParts, cuts: set[int]):
+    block, second, verdict = flown(), beside(parts), Verdict()
     for first, last in zip([0, *sorted(cuts)], [*sorted(cuts), 200], strict=True):
-        verdict.add(Table(block[first:last], lanes[first:last]), [])
-    both = hashlib.sha256(block.tobytes()).digest() + hashlib.sha256(lanes.tobytes()).digest()
+        verdict.add(Table(block[first:last], second[first:last]), [])
+    both = hashlib.sha256(block.tobytes()).digest() + hashlib.sha256(second.tobytes()).digest()
     assert verdict.digest == hashlib.sha256(both).hexdigest()
 
 
 @pytest.mark.parametrize(("part", "field"), [("servo", "ram"), ("computer", "leads")])
 def test_another_number_of_a_lane_is_another_digest(part: str, field: str):
-    lanes, digests = beside(("servo", "computer")), set[str]()
+    second, digests = beside(("servo", "computer")), set[str]()
     for changed in (0, 1):
-        lanes[part][field][-1, -1] += changed
+        second[part][field][-1, -1] += changed
         verdict = Verdict()
-        verdict.add(Table(flown(), lanes), [])
+        verdict.add(Table(flown(), second), [])
         digests.add(verdict.digest)
     assert len(digests) == 2
 

@@ -117,7 +117,7 @@ def test_a_channel_that_is_failed_is_in_the_table_and_in_no_sentence():
 
 
 @pytest.mark.parametrize("manager", ["cross-channel", "mean"])
-def test_samples_that_are_flagged_in_every_second_frame_are_counted_whoever_votes(manager: str):
+def test_samples_that_are_flagged_in_every_second_frame_are_counted_by_all_managers(manager: str):
     gaps = {"kind": "intermittent", "signal": "pitch_rate", "channels": [4], "start_s": 0.2, "in_gaps": "invalid"}
     which, rows = flight([{**gaps, "gap_s": 0.01, "contact_s": 0.01}], 200, f"redundancy.manager={manager}")
     [suspect] = [each for each in score(which, Table(rows)).suspects if each.rows]

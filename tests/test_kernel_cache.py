@@ -194,7 +194,7 @@ def test_a_lock_excludes_another_process_and_ends_with_its_own_however_that_ends
     give_all_back()
 
 
-def test_what_does_not_compile_keeps_nobody_waiting(tmp_path: Path):
+def test_what_does_not_compile_keeps_no_process_waiting(tmp_path: Path):
     bad = _MODULE.replace("x * 3.0", "x * 3.0 + len([x])")
     (tmp_path / "module.py").write_text(bad)
     (tmp_path / "helper.py").write_text(_HELPER)

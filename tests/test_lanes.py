@@ -52,7 +52,7 @@ def test_lanes_whose_clocks_are_within_the_exchange_window_fly_what_one_computer
 def lanes_of(rig: Rig) -> np.ndarray:
     """All rows of a flight's lanes."""
 
-    blocks = (rig.lanes(len(rows)) for rows, _ in frames(rig, rig.scenario))
+    blocks = (rig.beside(len(rows)) for rows, _ in frames(rig, rig.scenario))
     return np.concatenate([lanes for block in blocks for lanes in block])
 
 
@@ -123,15 +123,15 @@ def logged(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 def test_the_log_has_what_the_lanes_decided(logged):
     log = read_log(logged.log)
-    assert log.lanes is not None and len(log.lanes) == 250
+    assert log.parts is not None and len(log.parts) == 250
     parts = ["servo"] if logged.scenario.has_servos else []
-    assert log.lanes.dtype.names == ("frame", *parts, "computer")
-    assert (log.lanes["frame"] == log.rows["frame"]).all()
+    assert log.parts.dtype.names == ("frame", *parts, "computer")
+    assert (log.parts["frame"] == log.rows["frame"]).all()
     flown = lanes_of(Rig(logged.scenario))
     for part in (*parts, "computer"):
         for name in flown[part].dtype.names or ():
-            assert log.lanes[part][name].tobytes() == flown[part][name].tobytes(), name
-    assert (log.lanes["computer"]["state"][-1, :, INDEX["pitch_rate"], 2] == State.FAILED).all()
+            assert log.parts[part][name].tobytes() == flown[part][name].tobytes(), name
+    assert (log.parts["computer"]["state"][-1, :, INDEX["pitch_rate"], 2] == State.FAILED).all()
 
 
 def test_the_log_tells_the_topics_and_a_cut_one_is_mended(logged, tmp_path):
@@ -141,8 +141,8 @@ def test_the_log_tells_the_topics_and_a_cut_one_is_mended(logged, tmp_path):
     cut.write_bytes(logged.log.read_bytes()[:-2000])
     assert not recover(cut, mended).complete
     saved, whole = read_log(mended), read_log(logged.log)
-    assert saved.lanes is not None and whole.lanes is not None and len(saved.lanes) == len(saved.rows) >= 100
-    assert (saved.lanes["computer"]["voted"] == whole.lanes["computer"]["voted"][: len(saved.lanes)]).all()
+    assert saved.parts is not None and whole.parts is not None and len(saved.parts) == len(saved.rows) >= 100
+    assert (saved.parts["computer"]["voted"] == whole.parts["computer"]["voted"][: len(saved.parts)]).all()
 
 
 def test_a_reader_that_knows_nothing_of_ours_reads_the_lanes(logged):
@@ -174,7 +174,7 @@ def test_compiled_and_interpreted_lanes_decide_the_same_bits():
     program = (
         "import hashlib\nfrom rig.scenario import scenario\nfrom rig.flight.loop import Rig, frames\n"
         "rig = Rig(scenario.load(None, ['duration_s=0.2', 'computers.count=3', 'faults=[]']))\n"
-        "lanes = [rig.lanes(len(rows))[0]['computer'] for rows, _ in frames(rig, rig.scenario)]\n"
+        "lanes = [rig.beside(len(rows))[0]['computer'] for rows, _ in frames(rig, rig.scenario)]\n"
         "fields = (part[name] for part in lanes for name in part.dtype.names)\n"
         "print(hashlib.sha256(b''.join(field.tobytes() for field in fields)).hexdigest())\n"
     )

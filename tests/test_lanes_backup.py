@@ -55,7 +55,7 @@ def test_the_back_up_drives_all_channels_of_the_servos_and_no_monitor_trips():
     lanes, rows = [], []
     for block, _ in frames(rig, rig.scenario):
         rows.append(block["surface"].copy())
-        lanes += rig.lanes(len(block))
+        lanes += rig.beside(len(block))
     told, servos = np.concatenate(rows), np.concatenate(lanes)["servo"]
     assert (servos["asked"][ONSET:] == told[ONSET:, :3, None]).all()
     assert not servos["valve"].any() and not servos["failed_by"].any() and len(told) == 500

@@ -19,7 +19,7 @@ from rig.computer.lanes.command import (  # fmt: skip
     vote_commands,
 )
 from rig.computer.lanes.computers_table import Config
-from rig.computer.lanes.health import NOBODY, HealthData, health
+from rig.computer.lanes.health import NO_LANE, HealthData, health
 from rig.computer.lanes.link import LinkData, links
 from rig.core.frame import FCC, DecidedBy, Health
 from rig.flight.loop import Rig
@@ -183,7 +183,7 @@ def test_a_lane_that_is_out_agrees_while_it_commands_what_is_voted_and_no_longer
         told([0.1, 0.1, 0.1, 0.1 + near * THRESHOLD * (1 - 1e-9)], who)
         agree(3, who.links, who.health, who.commands)
         assert who.health.lane["agreed_frames"][3] == expected
-    who.health.system["leading"] = NOBODY
+    who.health.system["leading"] = NO_LANE
     agree(3, who.links, who.health, who.commands)
     assert who.health.lane["agreed_frames"][3] == 0
 

@@ -8,7 +8,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from rig.computer.lanes.exchange import NOBODY, Arrival, Said, arrival, exchange
+from rig.computer.lanes.exchange import NO_LANE, Arrival, Said, arrival, exchange
 from rig.studies.papers.lane_exchange import CASES, Row, as_dict, study
 
 LANES = "ABCD"
@@ -45,14 +45,14 @@ W, M, N = Said.WORD, Said.MISSING, Said.NOTHING
     [  # told to D of the word of A, by A, B and C
         ((1, 1, 1), (W, W, W), 0),
         ((2, 1, 1), (W, W, W), 1),  # the relays outvote the direct word
-        ((1, 2, 3), (W, W, W), NOBODY),
+        ((1, 2, 3), (W, W, W), NO_LANE),
         ((1, 1, 0), (W, W, M), 0),
-        ((1, 0, 0), (W, M, M), NOBODY),  # most say that it is missing
+        ((1, 0, 0), (W, M, M), NO_LANE),  # most say that it is missing
         ((0, 1, 1), (M, W, W), 1),
-        ((1, 2, 0), (W, W, N), NOBODY),  # one of two is no strict majority
+        ((1, 2, 0), (W, W, N), NO_LANE),  # one of two is no strict majority
         ((1, 1, 0), (W, W, N), 0),
-        ((1, 0, 0), (W, N, N), 0),  # nobody relays: the direct word alone
-        ((0, 1, 0), (M, W, N), NOBODY),
+        ((1, 0, 0), (W, N, N), 0),  # no lane relays: the direct word alone
+        ((0, 1, 0), (M, W, N), NO_LANE),
     ],
 )
 def test_the_strict_majority_of_direct_and_relayed_words_is_held(
@@ -63,7 +63,7 @@ def test_the_strict_majority_of_direct_and_relayed_words_is_held(
     exchange(0, told, kinds, 2, held)
     assert held[3] == two_rounds and held[0] == 0
     exchange(0, told, kinds, 1, held)
-    assert held[3] == (0 if said[0] == W else NOBODY)
+    assert held[3] == (0 if said[0] == W else NO_LANE)
 
 
 def liberties(fault: str, right: str | None, to: str, relay: bool) -> Iterator[Told]:

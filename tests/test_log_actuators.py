@@ -18,12 +18,12 @@ from rig.core.errors import BadInput
 from rig.core.frame import ActuatorMonitor
 from rig.flight.fly import fly
 from rig.log import Log, read_log, recover
-from rig.log.columns import LANE_COLUMNS, unit_of
+from rig.log.columns import PART_COLUMNS, unit_of
 from rig.log.export import export
 from rig.log.info import info
 from rig.log.recordings.flown_log import recorded
 
-OF_SERVOS = [column for column in LANE_COLUMNS if column.part == "servo"]
+OF_SERVOS = [column for column in PART_COLUMNS if column.part == "servo"]
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,8 @@ def test_a_table_has_the_columns_of_the_servos(log: Path, tmp_path: Path, to: st
     names = export(whole, to, out, ["actuator.elevator"]).columns
     assert {"actuator.elevator.asked.1", "actuator.elevator.ram", "actuator.elevator.pressure.2"} <= set(names)
     assert not [name for name in names if "rudder" in name] and len(names) == 1 + len(OF_SERVOS) // 3
-    assert whole.lanes is not None
-    expected = whole.lanes["servo"]["lvdt"][:, 0, 2]
+    assert whole.parts is not None
+    expected = whole.parts["servo"]["lvdt"][:, 0, 2]
     if to == "npz":
         table = np.load(out)
         assert table["actuator.elevator.lvdt.3"].tobytes() == expected.tobytes()
@@ -118,7 +118,7 @@ def test_a_flight_that_is_killed_leaves_its_servos_whole_up_to_a_second(tmp_path
 
 def _is_part(part: Log, whole: Log) -> bool:
     """Whether ``part`` is the beginning of ``whole``, to the bit."""
-    assert part.lanes is not None and whole.lanes is not None
+    assert part.parts is not None and whole.parts is not None
     n = len(part.rows)
-    same = part.lanes.tobytes() == whole.lanes[:n].tobytes()
-    return same and len(part.lanes) == n and part.rows["channels"].tobytes() == whole.rows["channels"][:n].tobytes()
+    same = part.parts.tobytes() == whole.parts[:n].tobytes()
+    return same and len(part.parts) == n and part.rows["channels"].tobytes() == whole.rows["channels"][:n].tobytes()

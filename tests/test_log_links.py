@@ -1,4 +1,4 @@
-"""The links of several computers in the log: the topic /ccdl, Log.lanes["link"], the columns, a log that was cut."""
+"""The links of several computers in the log: the topic /ccdl, Log.parts["link"], the columns, a log that was cut."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 def test_links_are_receiver_by_sender_with_state_age_and_outvoted_words(flight: Flight):
     log = read_log(flight.log)
-    assert log.lanes is not None
-    links = log.lanes["link"]
+    assert log.parts is not None
+    links = log.parts["link"]
     assert (links.shape, links.dtype) == ((250, 4, 4), LINK)
     assert (links["state"][-1, B, A], links["age"][-1, B, A]) == (LinkState.FAILED, 127)
     assert (links["state"][-1, A, B], links["age"][-1, A, B]) == (LinkState.FRESH, 0)
     assert np.flatnonzero(links["outvoted"][:, B, C]).tolist() == list(range(100, 110))
     assert {int(receiver) for _, receiver, _ in np.argwhere(links["outvoted"])} == {B}
     assert (links["state"][:, range(4), range(4)] == LinkState.ABSENT).all()
-    assert log.lanes.dtype.names == ("frame", "computer")  # it follows from the computers' records
+    assert log.parts.dtype.names == ("frame", "computer")  # it follows from the computers' records
 
 
 def test_a_reader_that_knows_nothing_of_ours_reads_the_links_by_sender_and_receiver(flight: Flight):
@@ -65,7 +65,7 @@ def test_a_log_that_was_cut_is_mended_with_lanes_that_are_those_of_the_whole(fli
     cut.write_bytes(data[: len(data) * 6 // 10])  # within the second chunk
     assert not recover(cut, mended).complete
     saved, whole = read_log(mended), read_log(flight.log)
-    assert saved.lanes is not None and whole.lanes is not None
-    assert 100 <= len(saved.lanes) == len(saved.rows) < 250
-    assert saved.lanes.tobytes() == whole.lanes[: len(saved.lanes)].tobytes()
+    assert saved.parts is not None and whole.parts is not None
+    assert 100 <= len(saved.parts) == len(saved.rows) < 250
+    assert saved.parts.tobytes() == whole.parts[: len(saved.parts)].tobytes()
     assert saved.rows.tobytes() == whole.rows[: len(saved.rows)].tobytes()

@@ -67,7 +67,7 @@ def test_a_channel_in_use_is_in_the_picture_unless_it_is_far_off():
 
 def test_a_representation_is_a_line_and_a_table_without_frames(flight: rig.Flight):
     log = flight.recorded
-    assert repr(log) == "<Log F-16 pitch-rate hardover seed 1: survived (duration flown, 3 s), isolated pitch_rate 3>"
+    assert repr(log) == "<Log F-16 pitch-rate hardover seed 1: survived, 3 s flown; isolated pitch_rate 3>"
     assert repr(flight) == f"<Flight{repr(log)[4:-1]}, log {flight.log}>"
     for table in (log._repr_html_(), flight._repr_html_()):
         assert flight.digest in table and "pitch_rate 3" in table and "manager cross-channel" in table

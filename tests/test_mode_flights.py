@@ -24,7 +24,7 @@ def test_two_of_four_squat_switches_that_jam_change_no_bit_of_the_flight():
     assert rows["discrete_state"][-1, WHEELS].tolist() == [State.OK, State.OK, State.FAILED, State.FAILED]
 
 
-def test_three_of_four_are_believed_and_the_attitude_is_held_until_they_are_back():
+def test_three_of_four_are_used_and_the_attitude_is_held_until_they_are_back():
     """Limits of the discretes: ten seconds in a climbing turn cost 42 m and 0.02 rad of attitude."""
     rows, clean = flown("f16_weight_on_wheels_wrong"), flown("f16_weight_on_wheels_wrong", "faults=[]")
     ground = rows["discrete_voted"][:, WHEELS] == 1

@@ -157,7 +157,7 @@ def _compares(node: ast.AST, names: set[str]) -> bool:
     return len(listed) > 1 and all(isinstance(each, ast.Constant) and each.value in names for each in listed)
 
 
-def test_nobody_else_compares_names_of_managers_or_of_kinds_of_faults():
+def test_no_other_module_compares_names_of_managers_or_of_kinds_of_faults():
     found = {room for room, node in _nodes() if _compares(node, {*KINDS, *MANAGERS})}
     assert {room for room in found if not room.startswith(("world/faults/", "computer/redundancy/"))} == CHOSEN
 
@@ -200,4 +200,4 @@ def test_score_campaign_report_injection_and_trial_have_the_same_word_for_a_faul
     assert [trial.trial[(each.channel or 0) - 1] for each in scored.score.faults] == [
         NEVER if f is None else f for f in failed
     ]
-    assert {window.kept and window.lost_s == 0.0 for window in windows} == {trial.trial_kept}
+    assert {window.correct and window.lost_s == 0.0 for window in windows} == {trial.trial_kept}

@@ -33,7 +33,7 @@ def test_the_picture_shows_the_channel_leave_its_threshold_and_end(flight: Fligh
     log, scored = flight.recorded, score_log(flight.log, Yardstick(), baseline=False)
     (one,) = happened(scored)
     assert (one.surface, one.begin) == ("elevator", ONSET - 50)
-    assert log.lanes is not None
+    assert log.parts is not None
     kept = log.table[one.begin : one.end]
     figure: Any = of_actuator(kept, scored, one)
     currents = {line.name: np.array(line.y) for line in figure.data if line.yaxis == "y2"}

@@ -37,19 +37,19 @@ def test_the_page_says_who_failed_which_lane_for_what_and_after_how_long(flight:
 def test_the_states_are_those_of_lanes_and_of_votes_that_were_not_normal(flight: Flight):
     log = flight.recorded
     course = Course(log.table, 1)
-    spans = [span for span in computers.states(course, log.rate_hz, 4) if span.lane in ("lane B", "vote elevator")]
-    told = [(span.lane, round(span.begin_s, 2), round(span.end_s, 2), span.label) for span in spans]
+    spans = [span for span in computers.states(course, log.rate_hz, 4) if span.row in ("lane B", "vote elevator")]
+    told = [(span.row, round(span.begin_s, 2), round(span.end_s, 2), span.label) for span in spans]
     assert told[0] == ("lane B", 0.0, 1.04, "engaged")
     assert told[1:3] == [("lane B", 1.04, 1.05, "suspect"), ("lane B", 1.05, 2.5, "failed: vote of commands")]
     assert ("vote elevator", 1.0, 1.05, "isolated") in told
-    lanes = {span.lane for span in computers.states(course, log.rate_hz, 4)}
+    lanes = {span.row for span in computers.states(course, log.rate_hz, 4)}
     assert lanes == {"lane A", "lane B", "lane C", "lane D", "leading lane", "vote elevator"}
 
 
 def test_the_picture_shows_one_command_leave_the_threshold_of_the_others(flight: Flight):
     log, scored = flight.recorded, score_log(flight.log, Yardstick(), baseline=False)
     one = computers.happened(scored, log.events)
-    assert one is not None and one.begin == ONSET - 50 and log.lanes is not None
+    assert one is not None and one.begin == ONSET - 50 and log.parts is not None
     kept = log.table[one.begin : one.end]
     figure: Any = computers.commands(kept, scored, one)
     low, high = flight.scenario.airframe.surface_limits[0]

@@ -115,7 +115,7 @@ def test_the_axis_of_a_decision_is_linear_to_one_threshold_and_logarithmic_beyon
 def test_the_lanes_change_when_the_fault_begins_and_when_the_channel_is_failed(flight: Flight):
     course = Course(Table(flight.rows), 1)
     found = spans(course, 100.0, ["pitch_rate"], ["hardover pitch_rate.3"])
-    by = {(span.lane, span.label): (span.begin_s, span.end_s) for span in found}
+    by = {(span.row, span.label): (span.begin_s, span.end_s) for span in found}
     assert by["fault hardover pitch_rate.3", "acting"] == (3.0, 6.0)
     assert by["pitch_rate channel 3", "failed"] == (3.05, 6.0)
     assert by["pitch_rate level", "4 channels"] == (0.0, 3.05) and by["pitch_rate level", "3 channels"] == (3.05, 6.0)

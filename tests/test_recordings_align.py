@@ -138,7 +138,7 @@ def test_a_pair_is_measured_over_the_whole_range_of_delays(delay: float):
     assert measured == pytest.approx(delay, abs=0.02) and correlation > 0.99
 
 
-def test_a_delay_beyond_the_range_is_not_believed():
+def test_a_delay_beyond_the_range_is_not_used():
     assert pair(sines(60.0), sines(0))[1] < 0.9
 
 
@@ -159,7 +159,7 @@ def test_four_recorders_on_one_aircraft_agree_once_aligned():
     raw, clean = vote(recording, settings, []), vote(moved, settings, [])
     assert sum(len(signal.failures) for signal in raw.values()) >= 3
     assert [signal.failures for signal in clean.values()] == [[], [], []]
-    of_all = config.model_copy(update={"default": {"threshold": 10.0, "manager": "mean"}})  # which fails nobody
+    of_all = config.model_copy(update={"default": {"threshold": 10.0, "manager": "mean"}})  # which fails no channel
     settings = of_all.signals(recording.signals, "")
     raw, clean = vote(recording, settings, []), vote(moved, settings, [])
     for name in axes:

@@ -147,7 +147,7 @@ def test_a_range_of_an_angle_that_is_not_one_turn_asks_for_the_unit(limits: list
         ),
     ],
 )
-def test_samples_that_all_leave_a_range_that_nobody_gave_are_refused(
+def test_samples_that_all_leave_a_range_that_is_not_given_are_refused(
     columns: dict[str, Any], signal: dict[str, Any], says: str, vote: Any
 ):
     in_degrees = {name: x / DEG if "pitch" in name else x for name, x in columns.items()}

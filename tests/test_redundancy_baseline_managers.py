@@ -75,7 +75,7 @@ def test_no_sample_fails_a_channel_after_the_persistence_and_the_vote_stands(bas
 
 @monitors
 @given(st.integers(0, 3), st.sampled_from([1, 3, 7]), st.sampled_from([10.0, -100.0]), st.integers(0, 9))
-def test_a_burst_of_less_than_the_persistence_fails_nobody(
+def test_a_burst_of_less_than_the_persistence_fails_no_channel(
     baseline: str, bad: int, frames: int, size: float, seed: int
 ):
     for begin in (1, 120):

@@ -16,7 +16,7 @@ from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import VoteConfig
 
 
-def test_the_mean_follows_a_hardover_and_fails_nobody():
+def test_the_mean_follows_a_hardover_and_fails_no_channel():
     out = vote_samples(constant(0, 0, 0, 8), manager="mean")
     assert (out.voted == 2.0).all()
     assert out.failed_at() == [None] * 4
@@ -29,12 +29,12 @@ def test_the_cross_voter_isolates_a_single_fault_but_blames_all_of_a_split():
     assert split.failed_at() == [8, 8, 8, 8]
 
 
-def test_the_median_shrugs_off_one_channel_for_ever_and_fails_nobody():
+def test_the_median_tolerates_one_channel_for_ever_and_fails_no_channel():
     out = vote_samples(constant(0, 0.2, 0.4, 8), manager="median")
     assert np.allclose(out.voted, 0.3) and out.failed_at() == [None] * 4
 
 
-def test_a_baseline_holds_its_vote_when_nobody_speaks():
+def test_a_baseline_holds_its_vote_when_no_channel_transmits():
     samples = constant(3.0, 3.0, 3.0, 3.0, frames=20)
     samples[5:] = np.nan
     for manager in ("mean", "median", "cross-voter", "selection"):
@@ -54,7 +54,7 @@ def test_a_selection_leaves_its_channel_when_the_integrated_deviation_is_used_up
     assert out.failed_at() == [first + 1, None, None, None]
 
 
-def test_a_selection_that_finds_nobody_trusted_stays_on_the_channel_that_it_had():
+def test_a_selection_that_finds_no_trusted_channel_stays_on_the_channel_that_it_had():
     """Channels 1 and 2 are silent from the start, so it sits on 3; when all are silent it does not go back."""
     samples = constant(1.0, 2.0, 3.0, 4.0, frames=20)
     samples[:, :2] = np.nan

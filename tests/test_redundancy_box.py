@@ -83,8 +83,8 @@ def test_the_trend_is_no_evidence_against_a_box():
 
 
 @pytest.mark.requirement("redundancy", "a box that is out on four signals is out on all")
-def test_an_accused_majority_is_not_believed():
-    """Three channels each off on other signals: five signals accuse each, nobody is failed as a box."""
+def test_an_accused_majority_does_not_decide():
+    """Three channels each off on other signals: five signals accuse each, none is failed as a box."""
     samples = np.zeros((S, 4))
     for c in range(3):
         samples[5 * c : 5 * c + 5, c] = 5.0
@@ -102,7 +102,7 @@ def test_nor_are_two_of_three():
     assert all(failed_at(block, 5 * c)[c] == 8 for c in range(2))
 
 
-def test_contradicting_evidence_fails_nobody():
+def test_contradicting_evidence_fails_no_channel():
     """Half of the references speak for one pair, half for the other."""
     reference = np.where(np.arange(S) < 8, 0.0, 5.0)
     block = fly(apart(S, 2, 3), reference=reference)

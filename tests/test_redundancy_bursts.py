@@ -63,7 +63,7 @@ def test_or_by_more_than_the_outlier_threshold(rest: float, at: int | None):
 @pytest.mark.parametrize("size", [200.0, -200.0, 900.0])
 @pytest.mark.parametrize("others", [(0,), (0, 0), (0, 0, 0)])
 @pytest.mark.parametrize(("before", "gap"), [(20, 1), (20, 3), (1, 1), (0, 2), (0, 0)])
-def test_a_burst_after_a_gap_or_in_the_first_rows_fails_nobody(
+def test_a_burst_after_a_gap_or_in_the_first_rows_fails_no_channel(
     before: int, gap: int, others: tuple[float, ...], size: float
 ):
     """What is compared begins beside the others' and takes two steps of 2/15; from the first row on, where two begin
@@ -115,7 +115,7 @@ def test_an_interruption_takes_nothing_from_the_frames_that_a_split_has_lasted()
     assert settled(samples).failed_at() == [None, None, 40, 40]
 
 
-def test_nor_from_the_wait_of_a_split_that_nobody_answers():
+def test_nor_from_the_wait_of_a_split_that_no_rule_settles():
     samples = rows((20, ALIKE), (12, SPLIT), (3, ALIKE), (30, SPLIT))
     out = vote_samples(samples, **SLOW, tie_break=[], params={"unresolved_frames": 20})
     assert out.failed_at() == [20 + 12 + 3 + 15] * 4 and out.decided_by[49] == DecidedBy.GIVEN_UP

@@ -115,7 +115,7 @@ def test_a_sample_declared_bad_is_not_voted_and_miscompares(flag):
 
 
 @pytest.mark.requirement("redundancy", "discrete: the majority; a tie or no sample gives the fail-safe value")
-def test_without_a_sample_the_vote_is_fail_safe_and_after_the_persistence_nobody_is_left():
+def test_without_a_sample_the_vote_is_fail_safe_and_after_the_persistence_no_channel_is_left():
     block = vote([(0, 0, 0, 0)] * 3, d=GEAR, valid=0)
     assert block["discrete_voted"][:, GEAR].tolist() == [1, 1, 1]
     assert block["discrete_level"][:, GEAR].tolist() == [4, 4, 0]

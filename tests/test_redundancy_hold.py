@@ -1,4 +1,4 @@
-"""The vote that nobody decides, through gaps, answers of one row and jumps: shares and votes by hand.
+"""The vote that no rule decides, through gaps, answers of one row and jumps: shares and votes by hand.
 
 Frames are counted from 1 as in the requirement. Threshold 1; in a flight of two the first is in order, and reads 0.
 """
@@ -18,7 +18,7 @@ PAIR, PAIRS = ((0, 0.8), (0, 5)), ((0, 0, 0.8, 0.8), (0, 0, 5, 5.5))  # together
 
 
 def held(*samples: tuple[float, ...], truth: Any = 0.0, **more: Any) -> Voted:
-    """Fly these rows; where nobody answers the vote is off by no more than the plain mean of those in use."""
+    """Fly these rows; where no rule settles it the vote is off by no more than the plain mean of those in use."""
     n = len(samples[0])
     block = np.full((len(samples), 4), NAN)
     block[:, :n] = samples

@@ -51,7 +51,7 @@ GOOD, BAD, ABSENT = int(Ilm.GOOD), int(Ilm.BAD), int(Ilm.ABSENT)
         ([BAD, ABSENT, BAD, ABSENT], 2, NONE),
     ],
 )
-def test_in_line_monitors_are_believed_only_when_they_follow_the_pairing(flags, n, sides):
+def test_in_line_monitors_decide_only_when_they_follow_the_pairing(flags, n, sides):
     assert opinions.by_ilm(np.array(flags, np.uint8), ORDER, n) == sides
 
 
@@ -84,7 +84,7 @@ def test_a_split_around_a_reference_that_is_near_neither_fails_all_four():
     assert (out.voted == 2.5).all() and out.level[9] == 0
 
 
-def test_a_split_around_a_reference_that_is_near_both_fails_nobody():
+def test_a_split_around_a_reference_that_is_near_both_fails_no_channel():
     out = vote_samples(constant(0, 0.1, 1.6, 1.7), reference=0.8, tie_break=["reference"])
     assert out.failed_at() == [None] * 4
     assert (out.decided_by == DecidedBy.REFERENCE).all() and (out.voted == 0.8).all()

@@ -22,7 +22,7 @@ def alone(value: Any, frames: int = 30) -> NDArray[np.float64]:
 
 
 def says(flag: Ilm, since: int, until: int = 30, frames: int = 30) -> NDArray[np.int64]:
-    """Channel 4's monitor: ``flag`` from frame ``since`` (from 1) to ``until``; nobody else has one."""
+    """Channel 4's monitor: ``flag`` from frame ``since`` (from 1) to ``until``; no other channel has one."""
     flags = np.full((frames, 4), int(ABSENT))
     flags[since - 1 : until, 3] = flag
     return flags
@@ -41,7 +41,7 @@ def test_the_last_channel_fails_at_the_eighth_frame_in_which_its_monitor_says_ba
 
 
 @pytest.mark.parametrize("flag", [GOOD, ABSENT])
-def test_the_last_channel_is_believed_while_nobody_speaks_against_it(flag: Ilm):
+def test_the_last_channel_is_used_while_nothing_disputes_it(flag: Ilm):
     out = vote_samples(alone(0.1 * np.arange(30)), ilm=says(flag, since=1))
     assert out.failed_at() == [8, 8, 8, None]
     assert np.allclose(out.voted, 0.1 * np.arange(30))

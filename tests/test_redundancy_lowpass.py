@@ -87,7 +87,7 @@ def test_a_large_offset_is_seen_when_its_limited_steps_have_left_the_threshold(o
 
 
 @pytest.mark.requirement("redundancy", "comparisons behind a filter, the vote without it")
-def test_vibration_fails_nobody_behind_a_filter_and_is_voted_as_it_is():
+def test_vibration_fails_no_channel_behind_a_filter_and_is_voted_as_it_is():
     samples = constant(*ALIKE, frames=200)
     samples[1:, 2] = 3.0 * np.where(np.arange(199) % 4 < 2, 1.0, -1.0)  # two samples a side: 2 (3 - 0) gain < threshold
     assert vote_samples(samples, persistence=1).failed_at()[2] is not None
@@ -115,7 +115,7 @@ def test_the_filter_begins_again_after_a_sample_that_cannot_be_compared():
 
 
 @pytest.mark.parametrize("at", [0, 40])
-def test_a_burst_that_a_filter_begins_with_fails_nobody(at: int):
+def test_a_burst_that_a_filter_begins_with_fails_no_channel(at: int):
     """Two frames of 200 thresholds, at first or after a frame without a sample; a step is 1/7.5 of a threshold."""
     samples = np.where(np.arange(4) < 2, constant(0, 0, 0, 0, frames=300), np.nan)
     samples[at, 0] = np.nan

@@ -86,13 +86,13 @@ def test_three_good_monitors_that_follow_the_pairing_settle_a_split():
 
 @pytest.mark.requirement("redundancy", "monitors that contradict the pairing are ignored")
 @pytest.mark.parametrize("flags", [[GOOD, BAD, BAD, GOOD], [GOOD] * 4, [BAD] * 4, [GOOD, GOOD, GOOD, BAD]])
-def test_monitors_that_contradict_the_pairing_are_not_believed(flags):
+def test_monitors_that_contradict_the_pairing_do_not_decide(flags):
     out = vote_samples(constant(0, 0.1, 5, 5.1), ilm=np.tile(flags, (30, 1)))
     assert (out.decided_by[8:10] == DecidedBy.TREND).all()
 
 
 @pytest.mark.requirement("redundancy", "unresolved: hold, isolate no channel")
-def test_a_split_that_nobody_settles_holds_and_fails_nobody():
+def test_a_split_that_no_rule_settles_holds_and_fails_no_channel():
     samples = constant(0, 0.1, 5, 5.1)
     samples[::2] += 0.01  # neither rising nor still: the trend bytes are mixed
     out = vote_samples(samples, tie_break=["trend"], trend_frames=3)

@@ -186,7 +186,7 @@ def test_a_failed_computer_on_each_side_says_nothing():
 
 
 @pytest.mark.parametrize("samples", [(-9, -3, 3, 9), (-9, 3, 9, NAN)])
-def test_where_nobody_agrees_computers_say_nothing(samples: tuple[float, ...]):
+def test_where_no_channels_agree_computers_decide_nothing(samples: tuple[float, ...]):
     out = flown(constant(*samples), 1, 2, channels=int(np.isfinite(samples).sum()), tie_break=["lane"])
     assert (out.decided_by == DecidedBy.UNRESOLVED).all()
     assert out.pattern[0] in (Pattern.P1_1_1_1, Pattern.P1_1_1)

@@ -152,7 +152,7 @@ RULES = (
     *(f"1:1:1:1 settled by {name}" for name in ("ilm", "reference", "extremes")),
     *(f"1:1:1 settled by {name}" for name in ("ilm", "reference", "middle")),
     *(f"1:1 settled by {name}" for name in ("ilm", "lane", "reference", "trend")),
-    *(f"{pattern} by nobody" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")),
+    *(f"{pattern} by no rule" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")),
     *(f"last channel: {said}" for said in ("ilm, reference voted", "ilm, vote held", "reference, reference voted")),
     *(f"last channel: {said}" for said in ("ilm and reference", "failed by ilm", "failed by reference")),
     *(f"freeze: {said}" for said in ("count kept", "miscompare not counted", "not comparable")),

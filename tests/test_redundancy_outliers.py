@@ -22,14 +22,14 @@ LIMITS: dict[str, Any] = {"threshold": 5.0, "outlier_threshold": 1.0, "outlier_t
         ((0.0, 0.0, 1.5, 3.0), Pattern.ISOLATED, [3, 4]),
         ((0.0, 0.9, 1.8, 2.7), Pattern.NORMAL, []),  # a chain
         ((0.0, 0.0, 3.0, 3.0), Pattern.NORMAL, []),  # no majority at this scale, and the halves agree
-        ((0.0, 1.5, 3.0, 4.5), Pattern.NORMAL, []),  # nobody is close to anybody
+        ((0.0, 1.5, 3.0, 4.5), Pattern.NORMAL, []),  # no two are close
         ((0.0, 0.0, 6.0, 6.0), Pattern.P2_2, [3, 4]),  # apart by more than the threshold: as without the limit
         ((0.0, 1.5, 7.0, 7.0), Pattern.P2_2, [3, 4]),
         ((0.0, 0.0, 1.5, 9.0), Pattern.ISOLATED, [4]),  # the one far off first
         ((0.0, 0.0, 2.5, NAN), Pattern.ISOLATED, [3, 4]),
         ((0.0, 0.0, 1.5, NAN), Pattern.NORMAL, [4]),
         ((0.0, 2.5, 5.0, NAN), Pattern.NORMAL, [4]),
-        ((0.0, 4.0, NAN, NAN), Pattern.NORMAL, [3, 4]),  # of two nobody is the outlier
+        ((0.0, 4.0, NAN, NAN), Pattern.NORMAL, [3, 4]),  # of two none is the outlier
     ],
 )
 def test_who_is_suspect_in_the_first_frame(samples, pattern, suspects):
@@ -48,7 +48,7 @@ def test_an_outlier_is_failed_after_the_persistence_and_then_three_have_their_ow
 
 
 @pytest.mark.requirement("redundancy", "an outlier of channels that agree")
-def test_without_the_limits_nobody_is_suspect():
+def test_without_the_limits_no_channel_is_suspect():
     out = vote_samples(constant(0.0, 0.0, 0.0, 4.5, frames=30), threshold=5.0)
     assert out.failed_at() == [None] * 4 and (out.state[:, :4] == State.OK).all()
 

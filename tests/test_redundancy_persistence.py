@@ -127,7 +127,7 @@ def given_up(samples: Any, **more: Any) -> Any:
 
 
 @pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
-def test_a_split_that_nobody_answers_is_given_up_after_its_frames():
+def test_a_split_that_no_rule_settles_is_given_up_after_its_frames():
     out = given_up(constant(*SPLIT), reference=50.0)
     assert out.failed_at() == [20] * 4 and out.level.tolist() == [4] * 19 + [0] * 11
     assert (out.decided_by[:19] == DecidedBy.UNRESOLVED).all() and out.decided_by[19] == DecidedBy.GIVEN_UP
@@ -170,13 +170,13 @@ def test_a_gap_that_leaves_a_majority_neither_counts_nor_begins_it_again(without
     assert given_up(rows((10, SPLIT), (frames, gap), (29, SPLIT))).failed_at() == [at] * 4
 
 
-def test_a_gap_that_nobody_answers_counts():
+def test_a_gap_that_no_rule_settles_counts():
     assert given_up(rows((10, APART), (5, (0, 5, 10, NAN)), (29, APART))).failed_at() == [20] * 4
 
 
 @pytest.mark.requirement("redundancy", "a split that no rule answers is given up")
 @pytest.mark.parametrize(("answered", "at"), [(1, 21), (4, 24), (5, 15 + 20)])
-def test_an_answer_that_blames_nobody_begins_it_again_when_it_has_stood(answered: int, at: int):
+def test_an_answer_without_a_faulty_channel_begins_it_again_when_it_has_stood(answered: int, at: int):
     """The reference lies between both halves, within its threshold of each."""
     reference = rows((10, NAN), (answered, 2.5), (30, NAN))
     samples = constant(*SPLIT, frames=40 + answered)

@@ -164,7 +164,7 @@ def test_such_a_pair_does_not_judge_the_reference():
     assert out.failed_at() == [None, None, 10, 10] and (out.reference_usable[10:] == 1).all()
 
 
-def test_nor_is_a_reference_that_was_set_aside_before_believed():
+def test_nor_is_a_reference_that_was_set_aside_before_used():
     samples = rows((8, (0, 0, 0, 0)), (40, LEFT))
     out = vote_samples(samples, reference=9.0, **PAIR)
     assert out.failed_at() == [None, None, 18, 18] and (out.reference_usable[7:] == 0).all()

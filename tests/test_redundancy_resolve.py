@@ -30,7 +30,7 @@ def test_after_a_run_of_splits_the_counts_stand_still_for_as_long_up_to_the_spli
 
 
 @pytest.mark.requirement("redundancy", "counts stand still after a run of splits, as long as it was")
-def test_noise_that_splits_a_pair_of_a_two_to_two_again_and_again_fails_nobody():
+def test_noise_that_splits_a_pair_of_a_two_to_two_again_and_again_fails_no_channel():
     out = vote_samples(rows(*[(3, SPLIT), (3, NOISY)] * 10))
     assert out.failed_at() == [None] * 4
 
@@ -178,7 +178,7 @@ def test_three_apart_are_settled_by_monitors_and_reference_before_the_middle(
 
 @pytest.mark.requirement("redundancy", "extremes and middle may be left out")
 @pytest.mark.parametrize("samples", [APART, (-9, 3, 9, NAN)])
-def test_without_extremes_and_middle_nobody_is_failed(samples: tuple[float, ...]):
+def test_without_extremes_and_middle_no_channel_is_failed(samples: tuple[float, ...]):
     channels = int(np.isfinite(samples).sum())
     together = tuple(np.where(np.isfinite(samples), 0.5, NAN))
     frames = rows((2, together), (28, samples))
@@ -233,7 +233,7 @@ def test_the_unresolved_vote_goes_on_with_the_channels_that_it_was_of():
 def test_the_unresolved_vote_keeps_its_share_of_two_neighbours(
     before: tuple[float, ...], at: tuple[float, ...], then: tuple[float, ...], held: list[float]
 ):
-    """Nobody jumps: twenty frames lead from one to the other."""
+    """No vote jumps: twenty frames lead from one to the other."""
     n = int(np.isfinite(at).sum())
     samples = np.full((24, 4), NAN)
     samples[:3, :n], samples[3:, :n] = before[:n], np.linspace(at[:n], then[:n], 21)
@@ -319,7 +319,7 @@ def test_a_channel_readmitted_as_the_split_begins_weighs_by_its_own_change():
 
 @pytest.mark.requirement("redundancy", "trend-weighted means of a good pair and of two")
 def test_of_two_that_the_trend_settles_the_vote_is_near_the_one_whose_change_fits():
-    """Two changes of 0.2 and 0.6 make a trend of one frame each; nobody answers the first, whose vote is 2."""
+    """Two changes of 0.2 and 0.6 make a trend of one frame each; no rule settles the first, whose vote is 2."""
     samples = np.full((3, 4), NAN)
     samples[:, 0], samples[:, 1] = 0.25 * np.arange(3), 4 + 0.5 * np.arange(3)
     more: dict[str, Any] = {"channels": 2, "tie_break": ["trend"], "trend_frames": 1}

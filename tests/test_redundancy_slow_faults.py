@@ -88,7 +88,7 @@ def test_a_mean_below_the_noise_is_found_by_its_sum_in_the_time_of_page():
 
 
 @pytest.mark.parametrize("offsets", [(0.2, 0.2, 0.0, 0.0), (0.0, 0.3, 0.3, 0.0)])
-def test_two_against_two_fail_nobody_by_sums(offsets: tuple[float, ...]):
+def test_two_against_two_fail_no_channel_by_sums(offsets: tuple[float, ...]):
     samples = np.zeros((6000, 4)) + offsets
     assert vote(samples, **SUMMING).failed_at() == [None] * 4
 
@@ -102,7 +102,7 @@ def test_a_sample_that_repeats_miscompares_and_one_that_changes_does_not():
 
 
 def test_two_that_stick_are_failed_before_a_third_fault_and_a_manoeuvre():
-    """The stuck together: believed today, and the healthy one is failed."""
+    """The stuck together: used today, and the healthy one is failed."""
     manoeuvre = np.concatenate([np.zeros(1000), 0.5 * np.sin(np.arange(1000) / 50)])
     samples = NOISE[:2000] + manoeuvre[:, None]
     samples[300:, 0], samples[310:, 1] = samples[300, 0], samples[310, 1]
@@ -120,7 +120,7 @@ def test_two_that_stick_are_failed_before_a_third_fault_and_a_manoeuvre():
     st.integers(10, 100),
     st.booleans(),
 )
-def test_what_lasts_less_than_the_persistence_fails_nobody(c: int, frames: int, size: float, at: int, biased: bool):
+def test_what_lasts_less_than_the_persistence_fails_no_channel(c: int, frames: int, size: float, at: int, biased: bool):
     samples = NOISE[:400].copy()
     samples[at : at + frames, c] += size * 0.2
     more = LEARNING if biased else {}

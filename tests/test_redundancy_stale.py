@@ -64,7 +64,7 @@ def test_a_stale_sample_counts_in_a_split_of_the_others():
 
 
 @pytest.mark.requirement("redundancy", "if all channels repeat, none is stale")
-def test_where_all_repeat_nobody_is_stale():
+def test_where_all_repeat_no_channel_is_stale():
     out = vote_samples(np.tile(OFFSETS, (30, 1)), **WIDE)
     assert (out.state == State.OK).all()
 

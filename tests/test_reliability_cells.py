@@ -19,8 +19,13 @@ Row = dict[str, Any]
 STICKS = {"stick_pitch", "stick_roll", "pedal"}
 RUN = {"outcome": "flown", "manager": "median", "survived": True, "condition": "level"}
 FAULT = {"signal": "pitch_rate", "kind": "offset", "channel": 1, "outcome": "detected", "good_before": 4}
-FAULT |= {"vote_kept": True, "lost_s": 0.0, "wrong_vote_first": False, "delay_from_onset_s": 0.08}
-FAULT_TYPES = {"delay_from_onset_s": pl.Float64, "good_before": pl.Int64, "vote_kept": pl.Boolean, "lost_s": pl.Float64}
+FAULT |= {"vote_correct": True, "lost_s": 0.0, "wrong_vote_first": False, "delay_from_onset_s": 0.08}
+FAULT_TYPES = {
+    "delay_from_onset_s": pl.Float64,
+    "good_before": pl.Int64,
+    "vote_correct": pl.Boolean,
+    "lost_s": pl.Float64,
+}
 
 
 def tables(*trials: tuple[str, Row, list[Row]]) -> dict[str, pl.DataFrame]:
@@ -36,7 +41,7 @@ def tables(*trials: tuple[str, Row, list[Row]]) -> dict[str, pl.DataFrame]:
     return {**made, "signals": pl.DataFrame(signals)}
 
 
-BAD, LOST = {"vote_kept": False}, {"vote_kept": False, "lost_s": 0.3}
+BAD, LOST = {"vote_correct": False}, {"vote_correct": False, "lost_s": 0.3}
 TRIALS = [
     ("single 4", {}, [{}]),
     ("single 4", {}, [{"delay_from_onset_s": 0.10}]),

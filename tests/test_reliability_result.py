@@ -105,7 +105,7 @@ def test_a_false_isolation_costs_a_channel():
     assert lost(given, 2) == pytest.approx(transitions(m, 1.0)[0, 2], rel=1e-4)
 
 
-def test_what_nobody_was_told_of_is_still_there_in_the_next_flight():
+def test_a_fault_without_an_annunciation_is_still_there_in_the_next_flight():
     """Two channels; the first fault is tolerated without a word, until a check every ten flights."""
     given, flights = certain({("single", 1): 1.0}), 10
     average = float(after_flights(one_flight(rates(2, LAMBDA, 0.0, given), 2, 1.0), 1.0, flights).sum())

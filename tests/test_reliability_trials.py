@@ -110,7 +110,7 @@ ALIKE = {
 }
 
 
-def test_a_vote_that_is_not_kept_in_flight_is_not_kept_in_the_trial(bundled: Plan):
+def test_a_vote_that_is_not_correct_in_flight_is_not_correct_in_the_trial(bundled: Plan):
     """Two alike, stuck on static pressure in a climb, and no reference: the split is given up, the vote off by then."""
     number = next(n for n, each in enumerate(bundled.choices) if ALIKE.items() <= each.items())
     data = set_key({**bundled[number].data, "seed": 7521671657455518360}, "faults.0.start_s", 2.6715478619507285, "")
@@ -121,7 +121,7 @@ def test_a_vote_that_is_not_kept_in_flight_is_not_kept_in_the_trial(bundled: Pla
     assert (found.flight >= 0).all() and (found.trial >= 0).all()
 
 
-def test_a_signal_that_is_lost_after_its_vote_was_not_kept_is_no_annunciated_loss():
+def test_a_signal_that_is_lost_after_its_vote_was_not_correct_is_no_annunciated_loss():
     made_of = plan(redundancy__manager="cross-voter")
     made = cell(made_of, of_form(made_of, "hardover", "alike 4"))
     drawn = draw(made, 20, recording(made.scenario, 1), np.random.default_rng(2))
@@ -236,7 +236,7 @@ def run(*argv: str) -> Any:
     return CliRunner().invoke(app, ["reliability", "trials", *argv])
 
 
-def test_the_command_writes_a_folder_of_cells_whoever_runs_them(tmp_path: Path):
+def test_the_command_writes_the_same_folder_of_cells_by_any_worker(tmp_path: Path):
     (tmp_path / "c.toml").write_text(SMALL)
     told = {}
     for workers in ("1", "2"):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 
 from rig.core import renamed
@@ -17,6 +18,7 @@ from rig.log.info import info
 from rig.scenario import scenario
 from rig.scenario.scenario import load
 from rig.studies.campaign import campaign_file
+from rig.studies.campaign.table_parts import with_names_of_now
 from rig.studies.campaign.tables import OF
 from rig.unit.unit_file import read_unit
 from rig.unit.unit_records import INTERFACES
@@ -114,8 +116,18 @@ def test_an_old_quantity_is_one_line():
         read_log(LOG).to_polars("demand")
 
 
+def test_an_old_attribute_of_a_log_is_one_line():
+    log = read_log(LOG)
+    for old, new in renamed.ATTRIBUTES.items():
+        with pytest.raises(AttributeError, match=rf"^Log\.{old} is now called Log\.{new}$"):
+            getattr(log, old)
+        assert getattr(log, new) is not None
+    with pytest.raises(AttributeError, match=r"has no attribute 'line'$"):
+        _ = log.line  # pyright: ignore[reportAttributeAccessIssue]
+
+
 def test_the_table_of_logs_is_that_of_the_messages():
-    named = {field.name for fields in (schema.MESSAGES | schema.LANE_MESSAGES).values() for field in fields}
+    named = {field.name for fields in (schema.MESSAGES | schema.PART_MESSAGES).values() for field in fields}
     for new in renamed.FIELDS.values():
         assert [name for name in named if name == new or name.startswith(f"{new}_")], new
     assert set(renamed.TOPICS.values()) <= {topic.name for topic in schema.ALL_TOPICS}
@@ -128,7 +140,7 @@ def test_a_log_of_before_is_read_with_the_names_of_now(rig_command: Any, tmp_pat
     """flight_schema_6.mcap: four computers and servos, by the last version with the old names."""
     log = read_log(LOG)
     assert log.metadata["schema_version"] == "6" and log.rows["state"].shape[2] == CHANNELS
-    assert log.lanes is not None and {"servo", "computer"} <= set(log.lanes.dtype.names or ())
+    assert log.parts is not None and {"servo", "computer"} <= set(log.parts.dtype.names or ())
     assert np.isfinite(log.rows["surface_command"]).all() and (log.rows["state"] == State.FAILED).any()
     assert info(LOG)["topics"]["/autopilot_command"] == log.frames
     path = tmp_path / "log.mcap"
@@ -138,6 +150,14 @@ def test_a_log_of_before_is_read_with_the_names_of_now(rig_command: Any, tmp_pat
     code, out, _ = rig_command("replay", path)
     assert code == 0 and "identical" in out
     assert rig_command("report", path)[0] == 0
+
+
+def test_the_words_of_an_older_table_are_those_of_now():
+    held = pl.DataFrame({"run": [0, 1, 2], "isolation": ["right", "wrong", None], "vote_kept": [True, False, None]})
+    now = with_names_of_now(held)
+    assert now["isolation"].to_list() == ["correct", "wrong", None] and now.columns[2] == "vote_correct"
+    episodes = pl.DataFrame({"verdict": ["right", "open"], "reason": ["right", "right"]})
+    assert with_names_of_now(episodes).rows() == [("correct", "right"), ("open", "right")]
 
 
 def test_the_layout_of_a_unit_is_the_one_of_before():

@@ -36,9 +36,9 @@ def recording(path: Path) -> Recorded:
 
 
 def test_the_monitors_say_the_same_of_the_recorded_rows_to_the_bit(recording: Recorded):
-    lanes = read_log(recording.path).lanes
-    assert lanes is not None
-    assert len(set(lanes["servo"]["failed_by"][-1].ravel())) >= 4  # nobody, current, position, spool or ram
+    parts = read_log(recording.path).parts
+    assert parts is not None
+    assert len(set(parts["servo"]["failed_by"][-1].ravel())) >= 4  # no monitor, current, position, spool or ram
     found = verify(recording)
     fields = {field.name for field in found.comparison.fields}
     assert found.comparison.identical and not found.decisions.moved
@@ -53,9 +53,9 @@ def test_the_flight_flown_again_has_the_same_rows_of_the_servos(recording: Recor
 @pytest.mark.parametrize("field", ["failed_by", "valve", "valve_differs"])
 def test_a_decision_that_was_changed_in_the_log_is_found(recording: Recorded, field: str, tmp_path: Path):
     log, path = read_log(recording.path), tmp_path / "changed.mcap"
-    assert log.lanes is not None
-    log.lanes["servo"][field][50, 0, 0] = 1
-    with LogWriter(path, log.rate_hz, log.metadata, log.attachments.items(), lanes=("servo",)) as writer:
+    assert log.parts is not None
+    log.parts["servo"][field][50, 0, 0] = 1
+    with LogWriter(path, log.rate_hz, log.metadata, log.attachments.items(), parts=("servo",)) as writer:
         writer.write(log.table)
     (unequal,) = [one for one in verify(recorded(path)).comparison.fields if one.verdict != "equal"]
     assert (unequal.name, unequal.frames, unequal.first_frame) == (f"actuator.elevator.{field}_1", 1, 50)
@@ -76,9 +76,9 @@ def test_the_log_of_a_what_if_has_the_servos_as_they_would_have_been(recording: 
     text = "actuators.monitors=false"
     answer = what_if(recording, changed(recording, None, [text]), tmp_path / "new.mcap", [text])
     new, old = read_log(answer.path), read_log(recording.path)
-    assert new.lanes is not None and old.lanes is not None
-    assert not new.lanes["servo"]["failed_by"].any() and not new.lanes["servo"]["valve"].any()
-    assert new.lanes["servo"]["current"].tobytes() == old.lanes["servo"]["current"].tobytes()
+    assert new.parts is not None and old.parts is not None
+    assert not new.parts["servo"]["failed_by"].any() and not new.parts["servo"]["valve"].any()
+    assert new.parts["servo"]["current"].tobytes() == old.parts["servo"]["current"].tobytes()
     assert not [event for event in new.events if event.name == "actuator channel failed"]
     assert verify(recorded(answer.path)).comparison.identical
 
@@ -103,5 +103,5 @@ def test_the_command_prints_what_moved(path: Path, tmp_path: Path):
     assert same.exit_code == 0 and json.loads(same.stdout)["identical"]
     moved = run("--set", "actuators.current.persistence_s=0.03", "--out", tmp_path / "new.mcap")
     assert moved.exit_code == 0 and "actuator.rudder.2" in moved.stdout
-    lanes = read_log(tmp_path / "new.mcap").lanes
-    assert lanes is not None and (lanes["servo"]["failed_by"][-1, 2, 1]) == ActuatorMonitor.CURRENT
+    parts = read_log(tmp_path / "new.mcap").parts
+    assert parts is not None and (parts["servo"]["failed_by"][-1, 2, 1]) == ActuatorMonitor.CURRENT

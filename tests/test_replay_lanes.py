@@ -37,7 +37,7 @@ def wrong_command(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_lane_says_the_same_again_to_the_bit(name: str, tmp_path: Path):
     recording = recorded(flown(name, tmp_path))
-    lanes = read_log(recording.path).lanes
+    lanes = read_log(recording.path).parts
     assert lanes is not None and np.count_nonzero(lanes["computer"]["health"][-1] != Health.ENGAGED) + np.count_nonzero(
         lanes["computer"]["link"] == LinkState.FAILED
     ) + np.count_nonzero(lanes["computer"]["outvoted"])  # the fault has done something to a lane or a link
@@ -48,7 +48,7 @@ def test_every_lane_says_the_same_again_to_the_bit(name: str, tmp_path: Path):
 
 
 def test_the_valves_of_a_lane_that_failed_are_shut_again(wrong_command: Recorded):
-    lanes = read_log(wrong_command.path).lanes
+    lanes = read_log(wrong_command.path).parts
     assert lanes is not None and lanes["servo"]["valve"][-1, :, 1].all()  # those of lane B
     fields = {field.name: field.verdict for field in verify(wrong_command).comparison.fields}
     assert fields["actuator.elevator.valve_2"] == "equal"
@@ -62,9 +62,9 @@ def test_a_flight_flown_again_has_the_same_lanes(wrong_command: Recorded):
 @pytest.mark.parametrize("field", ["clock_lead", "health"])
 def test_a_number_of_a_lane_that_was_changed_in_the_log_is_found(wrong_command: Recorded, field: str, tmp_path: Path):
     log, path = read_log(wrong_command.path), tmp_path / "changed.mcap"
-    assert log.lanes is not None
-    log.lanes["computer"][field][50, 2] = Health.FAILED
-    with LogWriter(path, log.rate_hz, log.metadata, log.attachments.items(), lanes=wrong_command.log.lanes) as writer:
+    assert log.parts is not None
+    log.parts["computer"][field][50, 2] = Health.FAILED
+    with LogWriter(path, log.rate_hz, log.metadata, log.attachments.items(), parts=wrong_command.log.parts) as writer:
         writer.write(log.table)
     unequal = [one for one in verify(recorded(path)).comparison.fields if one.verdict != "equal"]
     assert [(one.name, one.frames, one.first_frame) for one in unequal] == [(f"computer.C.{field}", 1, 50)]
@@ -76,8 +76,8 @@ def test_another_threshold_is_taken_by_every_lane(wrong_command: Recorded, tmp_p
     answer = what_if(wrong_command, changed(wrong_command, None, [text]), tmp_path / "new.mcap", [text])
     assert any(one.signal == "pitch_rate" for one in answer.moved.moved)
     log = read_log(answer.path)
-    assert log.lanes is not None
-    state = log.lanes["computer"]["state"]
+    assert log.parts is not None
+    state = log.parts["computer"]["state"]
     assert all(np.array_equal(state[:, 0], state[:, lane]) for lane in range(1, len(COMPUTERS)))
     assert verify(recorded(answer.path)).comparison.identical
 
@@ -105,7 +105,7 @@ def test_two_flights_are_identical_and_exported_with_their_lanes(wrong_command: 
     for ending in ("csv", "parquet"):
         export(again, ending, tmp_path / f"table.{ending}", [], False)
     tables = pl.read_csv(tmp_path / "table.csv"), pl.read_parquet(tmp_path / "table.parquet")
-    lanes = read_log(again).lanes
+    lanes = read_log(again).parts
     assert lanes is not None
     states = lanes["computer"]["state"][:, 1]
     for table in tables:

@@ -66,7 +66,7 @@ def test_a_duplex_signal_has_no_sequences_of_three_channels():
 
 def tables(*flown: tuple[str, bool, list[dict[str, Any]], float]) -> dict[str, pl.DataFrame]:
     """Runs: sequence, survived, their windows, and the seconds at level 0 of the signal."""
-    window = {"signal": "pitch_rate", "vote_kept": True, "lost_s": 0.0, "wrong_vote_first": False}
+    window = {"signal": "pitch_rate", "vote_correct": True, "lost_s": 0.0, "wrong_vote_first": False}
     runs = [
         {"run": i, "outcome": "flown", "sequence": name, "survived": ok} for i, (name, ok, _, _) in enumerate(flown)
     ]
@@ -79,7 +79,7 @@ def tables(*flown: tuple[str, bool, list[dict[str, Any]], float]) -> dict[str, p
     return {"runs": pl.DataFrame(runs), "faults": pl.DataFrame(faults), "signals": pl.DataFrame(signals)}
 
 
-OFF, DECLARED = {"vote_kept": False}, {"lost_s": 0.4}
+OFF, DECLARED = {"vote_correct": False}, {"lost_s": 0.4}
 
 
 def test_what_came_first_decides_what_a_flight_is():
@@ -362,7 +362,7 @@ def test_the_tree_of_a_folder_of_cut_sets_is_of_its_minimal_sets(rig_command, tm
     code, out, err = rig_command(*command, "--json")
     assert (code, err) == (0, "")
     told = json.loads(out)
-    assert told["not_kept"] == {"offset, stuck": 0.5} and told["static"] == "upper bound"
+    assert told["not_correct"] == {"offset, stuck": 0.5} and told["static"] == "upper bound"
     # Two of four channels fail, in different modes by half, and lose by half.
     assert told["chain"]["1"] == pytest.approx(6 * 1e-6 * 0.5 * 0.5, rel=0.01)
 

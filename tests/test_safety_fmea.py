@@ -51,7 +51,7 @@ THRESHOLD = 0.05  # rad/s, of the plan below
 
 
 class Plan:
-    """One run's scenario, whoever asks."""
+    """One run's scenario, for all tests."""
 
     def __init__(self) -> None:
         made = load("f16_pitch_rate_hardover", ["redundancy.signals.pitch_rate.threshold=0.05"])
@@ -67,12 +67,19 @@ class Plan:
 def folder(path: Path, *flown: dict[str, Any]) -> Any:
     """A campaign with a run for each of ``flown``: what differs of a stuck channel that is isolated."""
     run = {"outcome": "flown", "aircraft": "f16", "survived": True, "out_of_limits_s": 0.0, "phase": "level"}
-    fault = {"signal": "pitch_rate", "kind": "stuck", "channel": 2, "fault": 0, "magnitude": None, "isolation": "right"}
+    fault = {
+        "signal": "pitch_rate",
+        "kind": "stuck",
+        "channel": 2,
+        "fault": 0,
+        "magnitude": None,
+        "isolation": "correct",
+    }
     fault |= {
         "pattern": "3:1",
         "decided_by": "comparison",
         "delay_from_onset_s": 0.1,
-        "vote_kept": True,
+        "vote_correct": True,
         "outcome": "detected",
     }
     fault |= {"vote_error_max": 0.0, "lost_s": 0.0}
@@ -113,7 +120,7 @@ MISSED = {"isolation": "none", "delay_from_onset_s": None}
 
 
 def test_a_line_has_the_counts_of_its_flights(gathered):
-    first = gathered({}, {"delay_from_onset_s": 0.3}, MISSED, {"vote_kept": False, "out_of_limits_s": 0.2})[0]
+    first = gathered({}, {"delay_from_onset_s": 0.3}, MISSED, {"vote_correct": False, "out_of_limits_s": 0.2})[0]
     assert (first["id"], first["item"], first["mode"], first["phase"], first["flights"]) == (
         "F0001",
         "pitch_rate",
@@ -124,7 +131,7 @@ def test_a_line_has_the_counts_of_its_flights(gathered):
     assert first["rate"] == "0.001 x 0.25 = 0.00025/h" and first["source"] == "a test; kinds: assumed"
     assert first["detection"].startswith("3 of 4 (") and first["latent_share"].startswith("1 of 4 (")
     assert first["time_to_detection"] == "0.1 s, 95 % 0.3 s"
-    assert first["not_kept"].startswith("1 of 4 (0.631 to 80.6 %)")
+    assert first["not_correct"].startswith("1 of 4 (0.631 to 80.6 %)")
     assert first["exposure"] == "to the next manoeuvre" and first["cause"] == "frozen gyro"
     assert first["local_effect"] == "pattern 3:1, rule comparison"
     assert first["next_effect"] == "level 3 at the end; beyond transient limits in 1 of 4"
@@ -192,7 +199,7 @@ def test_what_was_not_flown_says_so_in_every_measured_column(gathered):
         "detection",
         "time_to_detection",
         "latent_share",
-        "not_kept",
+        "not_correct",
     )
     assert all(line[name] == NOT_FLOWN for line in absent for name in (*measured, "worst_flight", "phase"))
     assert not any(line["item"] == "pitch_rate" and line["mode"] == "stuck" for line in absent)
@@ -202,7 +209,7 @@ def test_what_was_not_flown_says_so_in_every_measured_column(gathered):
 
 
 def test_the_lines_do_not_depend_on_the_order_of_the_rows(monkeypatch, rates: Path):
-    flown = [{"isolation": word} for word in ("right", "none", "wrong")] + [{"kind": "dropout"}]
+    flown = [{"isolation": word} for word in ("correct", "none", "wrong")] + [{"kind": "dropout"}]
     made = []
     for seed in (1, 2):
         one = folder(Path("C"), *flown)

@@ -85,7 +85,7 @@ def test_near_faults_are_one_event():
 
 
 def test_the_event_of_near_faults_is_what_decides_there():
-    assert differences(model(**NEAR_DECIDES), without(signal_tree(model(**NEAR_DECIDES)), "not_kept_near"))[0] < -0.4
+    assert differences(model(**NEAR_DECIDES), without(signal_tree(model(**NEAR_DECIDES)), "not_correct_near"))[0] < -0.4
 
 
 def without(tree: FaultTree, event: str) -> FaultTree:
@@ -110,9 +110,9 @@ def test_a_tree_in_which_common_cause_fails_all_channels_is_found():
     assert differences(of, tree)[0] > 10.0
 
 
-def test_a_tree_that_lacks_one_not_kept_is_found():
+def test_a_tree_that_lacks_one_not_correct_is_found():
     of = model()
-    for event in ("not_kept_4_good", "not_kept_3_good", "not_kept_2_good"):
+    for event in ("not_correct_4_good", "not_correct_3_good", "not_correct_2_good"):
         assert min(differences(of, without(signal_tree(of), event))) < -0.02, event
 
 
@@ -126,7 +126,7 @@ def test_the_verdict_says_what_the_tree_is():
     assert solve(signal_tree(model()), transitions(model()), HOURS, {}).static == "exact"
     with_pairs = model(beta=0.01)
     assert solve(signal_tree(with_pairs), transitions(with_pairs), HOURS, {}).static == "upper bound"
-    tree = without(signal_tree(with_pairs), "alike_not_kept_4_good")
+    tree = without(signal_tree(with_pairs), "alike_not_correct_4_good")
     assert solve(tree, transitions(with_pairs), HOURS, {}).static == "approximate"
 
 
@@ -319,7 +319,7 @@ def test_the_command_writes_tree_chain_and_picture(rig_command, flown, tmp_path:
     told = json.loads(out)
     assert list(told["tree"]) == ["1", "10", "100", "1000"] and told["static"] in ("upper bound", "exact")
     assert told["chain"]["1"] == pytest.approx(solve_file(tmp_path / "chain.toml").of_death, rel=1e-9)
-    assert list(told["not_kept"]) == ["4 good", "3 good", "2 good", "1 good"]
+    assert list(told["not_correct"]) == ["4 good", "3 good", "2 good", "1 good"]
     assert ET.parse(tmp_path / "tree.xml").getroot().tag == "opsa-mef"
     assert ET.parse(tmp_path / "tree.svg").getroot().tag.endswith("svg")
 

@@ -82,7 +82,7 @@ def test_angles_go_round_instead_of_saturating_and_lag_the_short_way():
     assert ((x >= 0) & (x <= turn)).all()
 
 
-def test_a_channel_that_is_not_fitted_is_no_number_and_shifts_nobodys_draws():
+def test_a_channel_that_is_not_fitted_is_no_number_and_shifts_no_draws():
     noisy = {"noise_std": 0.01, "bias_tolerance": 0.1}
     four = measured([0.0, 0.0], pitch_rate=noisy, yaw_rate=noisy)["channels"]
     three = measured([0.0, 0.0], pitch_rate={**noisy, "channels": 3}, yaw_rate=noisy)["channels"]

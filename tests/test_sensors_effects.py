@@ -149,7 +149,7 @@ def test_noise_of_a_density_is_that_density_at_any_frame_rate():
         assert x.std() == pytest.approx(0.001 * sqrt(rate), rel=0.01)
 
 
-def test_the_new_effects_shift_nobody_elses_draws_and_none_of_the_old_ones():
+def test_the_new_effects_shift_no_other_draws_and_none_of_the_old_ones():
     old = {"noise_std": 0.01, "bias_tolerance": 0.1, "skew_frames": 0.5, "scale_tolerance": 0.01, **WIDE}
     new = {"misalignment_tolerance_rad": 0.01, "g_sensitivity_tolerance": 0.01, "latency_s": 0.02, "bandwidth_hz": 9.0}
     plain, more = (sense(truths(200), suite(pitch_rate=keys, yaw_rate=old)) for keys in (old, {**old, **new}))

@@ -126,7 +126,7 @@ def test_what_it_says_stays_within_its_range():
     assert limits[[0, 3, 6], 1].tolist() == [7.0, 1000.0, 200.0]
 
 
-def test_its_draws_shift_nobody_elses():
+def test_its_draws_shift_no_others():
     """A stage of its own stream: the plant, the sensors and all the rest fly the same flight."""
     quiet, noisy = (
         scenario.load(None, ["duration_s=1.0", "turbulence=light", f"inertial.rate_noise_std_rad_s={std}"])

@@ -29,15 +29,15 @@ class Outcome:
 
     @property
     def verdict(self) -> str:
-        """Right when exactly the faulty channels are failed."""
+        """Correct when exactly the faulty channels are failed."""
         if not set(self.failed) - set(self.faulty) and self.failed == self.faulty:
-            return "right"
+            return "correct"
         return "wrong" if set(self.failed) - set(self.faulty) else "open"
 
     def row(self) -> str:
         """The line of docs/results/measured/patterns.md."""
         took = "" if self.frames is None else str(self.frames)
-        who = ", ".join(self.tie_break) or "nobody"
+        who = ", ".join(self.tie_break) or "no rule"
         cells = (f"`{self.name}`", ", ".join(self.patterns), who, self.verdict, took, f"{self.vote_error:.3f}")
         return f"| {' | '.join(cells)} | {'yes' if self.survived else 'no'} |"
 
@@ -66,7 +66,7 @@ def fly(name: str) -> Outcome:
 
 # What is certain by construction; the others depend on noise and are recorded in the page alone.
 CERTAIN = {
-    "f16_split_2_2_ilm": (("ilm",), "right"),
+    "f16_split_2_2_ilm": (("ilm",), "correct"),
     "f16_split_2_2_wrong_ilm": (("ilm", "common"), "wrong"),
     "f16_common_offset_trend": (("trend",), "wrong"),
 }

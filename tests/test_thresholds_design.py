@@ -169,12 +169,12 @@ def test_a_large_offset_is_found_and_a_small_one_is_not(made: list[Design]):
     cut = pieces([flight(k) for k in range(20)])
     assert cut is not None
     found = tradeoff(cut, made[1], GIVEN, 50.0)
-    assert found.kinds["offset 1"].right >= 46 and found.kinds["offset 1"].delay_s == pytest.approx(0.03)
-    assert inject(cut, made[1].settings(GIVEN), "offset", 0.1).right == 0
+    assert found.kinds["offset 1"].correct >= 46 and found.kinds["offset 1"].delay_s == pytest.approx(0.03)
+    assert inject(cut, made[1].settings(GIVEN), "offset", 0.1).correct == 0
     assert found.smallest_offset is not None
     exact = inject(cut.short(), made[1].settings(GIVEN), "offset", found.smallest_offset)
     less = inject(cut.short(), made[1].settings(GIVEN), "offset", found.smallest_offset / 1.1)
-    assert exact.right >= 0.95 * 48 > less.right
+    assert exact.correct >= 0.95 * 48 > less.correct
     assert 0.0 < found.share < 1.0
 
 

@@ -70,8 +70,8 @@ def test_a_channel_is_failed_exactly_when_the_threshold_is_exceeded(count: int, 
 
 
 @pytest.mark.parametrize("filter_s", [0.02, 0.1])
-def test_behind_the_filter_of_the_comparison_nobody_is_failed_before_it_is_exceeded(filter_s: float):
-    """The monitor limits the filter's steps, and counts a sample that is off itself: it fails later, or nobody."""
+def test_behind_the_filter_of_the_comparison_no_channel_is_failed_before_it_is_exceeded(filter_s: float):
+    """The monitor limits the filter's steps, and counts a sample that is off itself: it fails later, or no channel."""
     for seed in range(6):
         samples = one_off(seed)
         samples[(seed + 1) % 4, 40:42] = np.nan

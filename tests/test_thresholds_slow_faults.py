@@ -103,7 +103,7 @@ def with_transients(one: DataBlock, frames: int, size: float) -> np.ndarray:
     return samples
 
 
-def test_a_transient_of_a_frame_less_than_the_persistence_fails_nobody_with_a_noisy_frame_beside_it(
+def test_a_transient_of_a_frame_less_than_the_persistence_fails_no_channel_with_a_noisy_frame_beside_it(
     biased: list[Design],
 ):
     learned = biased[1]
@@ -140,7 +140,7 @@ def test_pieces_begin_with_what_was_learned_before(biased: list[Design]):
     assert cut is not None
     size = 5.0 * biased[1].outliers[4].upper
     plain, learned = (inject(cut, design.settings(GIVEN), "offset", size) for design in biased)
-    assert learned.right >= 40 > plain.right and learned.wrong == 0
+    assert learned.correct >= 40 > plain.correct and learned.wrong == 0
 
 
 def test_flights_too_short_to_learn_in_design_no_bias():
@@ -159,4 +159,4 @@ def test_sums_find_what_the_noise_hides_and_the_budget_holds():
     assert cut is not None
     size = 0.6 * plain.threshold.upper
     before, after = (inject(cut, design.settings(GIVEN), "small", size) for design in (plain, summed))
-    assert after.right >= 45 and before.right == 0
+    assert after.correct >= 45 and before.correct == 0

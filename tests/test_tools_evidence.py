@@ -56,7 +56,7 @@ def test_a_vote_is_off_from_a_threshold_and_a_second_on():
     assert off_mean(1.1, 0.8) == []
 
 
-def test_a_fault_that_nobody_failed_is_missed():
+def test_a_fault_without_an_isolation_is_missed():
     sets = 'faults=[{kind="offset",signal="pitch_rate",channels=[3],start_s=1.0,offset_thresholds=8.0}]'
     found = evidence_found.by_frames(flown("redundancy.manager=mean", sets))
     assert (found["missed"], found["undeclared"], found["right"]) == (["pitch_rate.3"], ["pitch_rate"], False)

@@ -206,7 +206,7 @@ def test_a_library_that_changes_how_this_process_rounds_is_refused(tmp_path: Pat
     with pytest.raises(RigError, match="changed the floating-point rounding of this process"):
         fly(tmp_path, unit(tmp_path, "faulty", isolate=False))
     assert 1.0 / float("3") == expected
-    fly(tmp_path, unit(tmp_path, "faulty"))  # in its own process it harms nobody
+    fly(tmp_path, unit(tmp_path, "faulty"))  # in its own process it harms no other
 
 
 REFUSED = {

@@ -34,7 +34,7 @@ def fly(out: Path, tested: Unit | None = None, lane: str | None = None, **keys: 
 
 
 def lanes_of(flight: rig.Flight) -> np.ndarray[Any, Any]:
-    lanes = flight.recorded.lanes
+    lanes = flight.recorded.parts
     assert lanes is not None
     return lanes["computer"]
 
@@ -95,7 +95,7 @@ def test_a_campaign_counts_no_healthy_channel_of_a_lane_that_is_a_unit(tmp_path:
     assert row["healthy_coils_failed"] == 0 and not campaign_rows("alarms", 0, which, found)
 
 
-def test_a_voter_that_believes_a_faulty_channel_is_outvoted_and_failed_by_the_others(tmp_path: Path):
+def test_a_voter_that_uses_a_faulty_channel_is_outvoted_and_failed_by_the_others(tmp_path: Path):
     flight = fly(tmp_path, unit(tmp_path, "first_valid"), "B", faults=[HARDOVER])
     lanes = lanes_of(flight)
     assert flight.survived and set(flight.lanes_failed) == {"B"}

@@ -1,4 +1,4 @@
-"""How long rig and unit look for a message before they sleep: nobody where cores are wanted by others."""
+"""How long rig and unit look for a message before they sleep: none where cores are wanted by others."""
 
 import socket
 
@@ -13,7 +13,7 @@ from rig.unit.transport import MOST_BYTES, UnitProcess
 from rig.unit.unit_records import FROM_UNIT, OUTPUT, Kind, Role, blank
 
 
-def test_nobody_looks_in_a_campaign_or_without_a_second_core(monkeypatch: pytest.MonkeyPatch):
+def test_no_process_looks_in_a_campaign_or_without_a_second_core(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(compiled, "cores", lambda: 2)
     assert compiled.patience(crowded=True) == (0, 0)
     alone = compiled.patience(crowded=False)

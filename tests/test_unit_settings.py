@@ -10,7 +10,7 @@ from rig.core.errors import BadInput
 from rig.unit.unit_file import read_unit
 
 LIBRARY = 'name = "u"\npath = "u.so"\n'
-NOBODY = "no program listens at 127.0.0.1:9 (port unreachable)"
+NO_PROGRAM = "no program listens at 127.0.0.1:9 (port unreachable)"
 ONLY_STARTED = "on_dead: the rig can restart only a unit that it has started"
 UDP = 'name = "u"\ntransport = "udp"\n'
 WRONG = {
@@ -57,12 +57,12 @@ def test_another_machine_may_be_permitted(tmp_path: Path):
     assert read_unit(tmp_path / "unit.toml").host_and_port == ("192.168.1.5", 5600)
 
 
-def test_an_address_may_be_in_use_by_nobody(tmp_path: Path, rig_command):
-    """Nobody answers there: refused within the time that the file allows, nothing written."""
+def test_an_address_may_be_in_use_by_no_program(tmp_path: Path, rig_command):
+    """No program answers there: refused within the time that the file allows, nothing written."""
     (tmp_path / "unit.toml").write_text(UDP + 'address = "127.0.0.1:9"\nstart_s = 0.2\n')
     code, out, err = rig_command("fly", "--unit", "unit.toml", "--set", "duration_s=1")
     assert (code, out) == (
         2,
         "",
-    ) and err == f"error: unit.toml: u did not send READY within start_s = 0.2 s: {NOBODY}\n"
+    ) and err == f"error: unit.toml: u did not send READY within start_s = 0.2 s: {NO_PROGRAM}\n"
     assert not (tmp_path / "logs").exists() or not list((tmp_path / "logs").iterdir())

@@ -189,7 +189,7 @@ def test_a_unit_ends_when_its_rig_is_gone(program: Path):
         unit.send_signal(signal.SIGSTOP)
         peer.send(peer.head(np.zeros(1, HELLO), Kind.HELLO))
         peer.socket.close()
-        unit.send_signal(signal.SIGCONT)  # its answer finds nobody
+        unit.send_signal(signal.SIGCONT)  # its answer finds no receiver
         assert unit.wait(LIMIT_S) == 0
     finally:
         unit.kill()

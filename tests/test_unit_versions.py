@@ -190,7 +190,7 @@ def test_a_setting_that_is_on_is_refused_by_name_where_the_version_has_no_field(
     assert asked_since(OLD[version], config, unasked(config)) == refused
 
 
-def test_what_nobody_asked_for_is_not():
+def test_what_was_not_asked_for_is_not():
     config = configured()
     on = [config["rules"]["unresolved_frames"], config["rules"]["referred"], config["rules"]["sources"]]
     assert all(numbers.any() for numbers in on) and len(set(config["rules"]["box"][0].tolist())) > 1

@@ -77,7 +77,7 @@ def test_an_error_of_one_ends_the_others():
     assert len(seen) <= 4 and min(seen) < 0
 
 
-def test_elsewhere_nobody_is_told():
+def test_elsewhere_no_listener_is_told():
     heed()
     assert list(on_threads([1, 2], lambda item: (heed(), item)[1], 2)) == [1, 2]
     heed()

@@ -87,9 +87,9 @@ def test_in_line_monitors_settle_a_split_rightly():
     assert {fault.decided_by for fault in found.faults} == {"ilm"}
     (episode,) = found.episodes
     assert (episode.pattern, episode.first_frame, episode.frames) == ("2:2", 1000, SPLITS)
-    assert (episode.decided_by, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "right", ("ilm",))
-    assert (found.tie_break["ilm"].answered, found.tie_break["ilm"].right, found.tie_break["ilm"].wrong) == (1, 1, 0)
-    assert found.tie_break_by_pattern["2:2"]["ilm"].right == 1
+    assert (episode.decided_by, episode.failed, episode.verdict, episode.asked) == ("ilm", (3, 4), "correct", ("ilm",))
+    assert (found.tie_break["ilm"].answered, found.tie_break["ilm"].correct, found.tie_break["ilm"].wrong) == (1, 1, 0)
+    assert found.tie_break_by_pattern["2:2"]["ilm"].correct == 1
 
 
 def test_in_line_monitors_that_lie_make_a_wrong_isolation():
@@ -102,7 +102,7 @@ def test_in_line_monitors_that_lie_make_a_wrong_isolation():
         ("pitch_rate", 1, "undetectable"),  # a wrong monitor spoils no sample
         ("pitch_rate", 2, "undetectable"),
     ]
-    assert (found.tie_break["ilm"].right, found.tie_break["ilm"].wrong, found.unresolved) == (0, 1, 0)
+    assert (found.tie_break["ilm"].correct, found.tie_break["ilm"].wrong, found.unresolved) == (0, 1, 0)
     # From the frame of the split to the end the vote is that of the wrong pair: an offset of 0.15 rad/s.
     error = found.vote_error["pitch_rate"]
     assert error.above_threshold_s == error.above_threshold_after_onset_s == 2.0
@@ -127,7 +127,7 @@ def test_extremes_and_reference_settle_four_ways_apart():
     by_channel = {fault.channel: fault for fault in found.faults}
     assert {c: fault.decided_by for c, fault in by_channel.items()} == {2: "reference", 3: "extremes", 4: "extremes"}
     assert by_channel[3].failed_frame == by_channel[4].failed_frame == 1009
-    assert [(e.pattern, e.verdict) for e in found.episodes] == [("1:1:1:1", "right"), ("1:1", "right")]
+    assert [(e.pattern, e.verdict) for e in found.episodes] == [("1:1:1:1", "correct"), ("1:1", "correct")]
     assert found.episodes[1].first_frame == 1010
 
 
@@ -138,7 +138,7 @@ def test_brisk_manoeuvres_without_a_fault_score_clean():
 
 
 @pytest.mark.parametrize("manager", ["mean", "median"])
-def test_a_manager_that_fails_nobody_misses(manager: str):
+def test_a_manager_that_fails_no_channel_misses(manager: str):
     found = scored("f16_pitch_rate_hardover", "duration_s=21", f"redundancy.manager={manager}")
     assert [fault.outcome for fault in found.faults] == ["missed"]
     error = found.vote_error["pitch_rate"]

@@ -34,18 +34,18 @@ def given(faults: tuple[str, ...], sets: tuple[str, ...] = (), seconds: float = 
 
 @cache
 def flown(*faults: str, sets: tuple[str, ...] = (), seconds: float = 2.0) -> tuple[Scenario, Any, Any]:
-    """The scenario, rows and lanes of an F-16 in level flight with ``faults``; never to be written."""
+    """The scenario, rows and second rows of an F-16 in level flight with ``faults``; never to be written."""
     which = scenario.load(None, given(faults, sets, seconds))
-    rig, rows, lanes = Rig(which), [], []
+    rig, rows, beside = Rig(which), [], []
     for block, _ in frames(rig, which):
         rows.append(block.copy())
-        lanes += rig.lanes(len(block))
-    return which, np.concatenate(rows), np.concatenate(lanes)
+        beside += rig.beside(len(block))
+    return which, np.concatenate(rows), np.concatenate(beside)
 
 
 def scored_flight(*faults: str, **more: Any) -> tuple[Score, Conclusion]:
-    which, rows, lanes = flown(*faults, **more)
-    scored = score(which, Table(rows, lanes))
+    which, rows, beside = flown(*faults, **more)
+    scored = score(which, Table(rows, beside))
     return scored, conclusion(which, scored)
 
 
@@ -84,9 +84,9 @@ def test_both_hydraulic_systems_cost_every_surface_at_once():
 
 
 def test_a_jam_fails_all_channels_and_costs_the_surface_when_the_last_one_is_shut_off():
-    which, rows, lanes = flown(JAM, sets=('turbulence="severe"',), seconds=5.0)
-    scored = score(which, Table(rows, lanes))
-    by = lanes["servo"]["failed_by"][:, 0]
+    which, rows, beside = flown(JAM, sets=('turbulence="severe"',), seconds=5.0)
+    scored = score(which, Table(rows, beside))
+    by = beside["servo"]["failed_by"][:, 0]
     failed = [int(np.argmax(by[:, c] != 0)) for c in range(4)]
     assert by[-1].all() and scored.faults[0].failed_frame == min(failed)
     assert scored.faults[0].bypassed_frame == scored.actuators["elevator"].bypassed_frame == max(failed)
@@ -107,7 +107,7 @@ def test_a_stuck_valve_is_found_when_the_channel_is_to_be_shut_off():
     assert scored.actuators["elevator"].valves_differ == {2: ONSET + 9}
 
 
-def test_without_monitors_nobody_finds_anything_and_that_is_said():
+def test_without_monitors_nothing_is_detected_and_that_is_said():
     scored, told = scored_flight(HARDOVER, sets=("actuators.monitors=false",))
     assert scored.faults[0].outcome == "missed" and not scored.faults[0].tolerated
     assert "not isolated: the monitors are switched off" in told[1]
@@ -129,8 +129,8 @@ def test_a_fault_shorter_than_the_persistence_is_tolerated():
     ],
 )
 def test_a_healthy_channel_that_is_shut_off_is_told(surface: int, kind: str, field: str, words: str):
-    which, rows, lanes = flown(HARDOVER)
-    tampered = lanes.copy()
+    which, rows, beside = flown(HARDOVER)
+    tampered = beside.copy()
     tampered["servo"]["failed_by"][ONSET + 12 :, surface, 2] = ActuatorMonitor.RAM
     scored, name = score(which, Table(rows, tampered)), MOVED[surface]
     (one,) = getattr(scored, field)

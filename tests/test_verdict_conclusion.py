@@ -295,7 +295,7 @@ def test_the_agreement_names_the_closest_channel_in_use_over_the_turn():
         ((0.0, 0.0, 0.02, 0.0), True),
         ((0.0, 0.0, 0.01, 0.0), False),
         ((0.0, 0.0, 0.02, 0.02), False),  # with a partner
-        ((0.0, -0.02, 0.02, 0.04), False),  # nobody is close to anybody
+        ((0.0, -0.02, 0.02, 0.04), False),  # no two are close
         ((0.0, 0.0, 0.02, 0.2), False),  # somebody is off by more than the threshold
         ((0.0, 0.0, 0.02, np.nan), False),  # of three it takes 0.03
         ((0.0, 0.0, 0.04, np.nan), True),

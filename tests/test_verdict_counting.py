@@ -12,7 +12,7 @@ from rig.verdict.counting import another, climb
 from rig.verdict.scoring import score
 
 COUNTED = ("redundancy.signals.pitch_rate.persistence=8", "redundancy.signals.pitch_rate.count_down=1.0")
-NOBODY = 'redundancy.signals.pitch_rate.tie_break=["ilm"]'
+MONITORS_ALONE = 'redundancy.signals.pitch_rate.tie_break=["ilm"]'
 
 
 def bursts(*starts_s: float, width_s: float = 0.04) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def test_one_frame_is_one_frame():
     assert told.endswith("isolated at once by comparison")
 
 
-def test_bursts_that_nobody_counted_stand_beside_the_run_that_was():
+def test_bursts_that_were_not_counted_stand_beside_the_run_that_was():
     """Four frames of every six, three times, then a run of eight from 0.38 s on."""
     told = row([bursts(0.2, 0.26, 0.32), offset([4], 0.38, 0.5)], number=1)
     assert told.endswith("isolated after 70 ms by comparison")
@@ -57,13 +57,13 @@ def test_a_missed_fault_that_comes_and_goes_is_told_with_all_its_frames():
         offset([3], 0.4, 0.2, 0.5),
         offset([3], 0.5, -0.2, 0.7),
     ]
-    told = row(faults, "sensors.pitch_rate.channels=3", NOBODY, frames=70)
+    told = row(faults, "sensors.pitch_rate.channels=3", MONITORS_ALONE, frames=70)
     assert told.endswith("it miscompared in 40 of 50 frames, at most 20 in a row")
 
 
 def test_an_offset_that_no_count_saw_is_not_told_to_have_been_found_for_a_dropout_behind_it():
     faults = [offset([2], 0.2, 0.2), offset([3], 0.2, -0.2), dropout(3, 0.5)]
-    told = said(faults, "sensors.pitch_rate.channels=3", NOBODY)
+    told = said(faults, "sensors.pitch_rate.channels=3", MONITORS_ALONE)
     assert "not isolated for it: the channel was isolated at 0.57 s for its dropout that began at 0.50 s" in told[2]
     assert told.rows[2].texts[0] == "no valid sample from 0.50 s on"
     assert told.rows[2].texts[-1] == "isolated after 70 ms by comparison"
@@ -85,6 +85,6 @@ def test_a_fault_whose_frames_were_counted_is_found_with_the_later_one(first_s: 
 def test_counts_that_stood_still_are_told_as_such():
     """1:1:1 from frame 20 to 39, then still for ten frames, then eight count."""
     faults = [offset([2], 0.2, 0.2, 0.4), offset([3], 0.2, -0.2)]
-    told = row(faults, "sensors.pitch_rate.channels=3", NOBODY, number=1)
+    told = row(faults, "sensors.pitch_rate.channels=3", MONITORS_ALONE, number=1)
     assert "but until 0.50 s the miscompare counts were frozen or began again" in told
     assert "isolated after 370 ms by comparison" in told

@@ -73,7 +73,7 @@ def test_a_campaign_keeps_them_apart_and_no_fault_is_wrongly_isolated_for_them()
     which, rows = flight([*dead_box(), {**offset([1], 0.2, 0.01), "signal": "heading"}], exact=True)
     found = score(which, Table(rows))
     assert {row["kind"] for row in campaign_rows("alarms", 0, which, found)} == {"failed with its box"}
-    assert [row["isolation"] for row in campaign_rows("faults", 0, which, found)] == ["right"] * 6 + ["none"]
+    assert [row["isolation"] for row in campaign_rows("faults", 0, which, found)] == ["correct"] * 6 + ["none"]
     of_signals = campaign_rows("signals", 0, which, found)
     assert not any(row[f"false_isolations_level_{level}"] for row in of_signals for level in (4, 3, 2, 1))
     by_design = {field for kind, field in ISOLATIONS.items() if kind.startswith("failed")}

@@ -24,7 +24,7 @@ def scored(fault: str, *sets: str) -> Score:
     faults = f"faults=[{{{fault}, start_s=1.0}}]" if fault else "faults=[]"
     given = scenario.load(None, ["computers.count=4", "duration_s=2", faults, *sets])
     lanes: list[Block] = []
-    rows = fly_rows(given, lanes=lanes)
+    rows = fly_rows(given, beside=lanes)
     return score(given, Table(rows, np.concatenate(lanes)))
 
 

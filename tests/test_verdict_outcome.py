@@ -27,7 +27,7 @@ CASES = ["f16_split_2_2_wrong_ilm", "f16_weight_on_wheels_split", "b747_vane_ici
 
 
 def test_one_kernel_decides_what_became_of_a_fault():
-    """Nobody but its room compares rows with faults; who else asks reads the words."""
+    """No module but its room compares rows with faults; others read the words."""
     written = re.compile(r'\["(failed_at|exceeded_at|executed|cause)"\]\s*(\[[a-z]\])?\s*=[^=]|, \w+\["failed_at"\] = ')
     writers = {path.relative_to(RIG).as_posix() for path in RIG.rglob("*.py") if written.search(path.read_text())}
     trials = {

@@ -218,7 +218,7 @@ def test_a_rule_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
         ("2:2", 30, 5, ("ilm", "trend", "reference"), "unresolved", (), "open"),
         ("1:1:1:1", 40, 10, ("ilm", "reference", "extremes"), "extremes", (1, 4), "wrong"),
     ]
-    counts = {name: (r.asked, r.answered, r.right, r.wrong, r.open) for name, r in found.tie_break.items()}
+    counts = {name: (r.asked, r.answered, r.correct, r.wrong, r.open) for name, r in found.tie_break.items()}
     assert counts == {
         "ilm": (3, 0, 0, 0, 0),
         "lane": (0, 0, 0, 0, 0),
@@ -232,7 +232,7 @@ def test_a_rule_that_spoke_but_did_not_stand_is_asked_and_has_not_answered():
     assert [fault.failed_frame for fault in found.faults] == [None, 49]
 
 
-def test_a_split_that_nobody_settles_is_unresolved():
+def test_a_split_that_no_rule_settles_is_unresolved():
     found = scored([offset([3, 4], 0.2, 0.3)], 60, "redundancy.signals.pitch_rate.tie_break=[]")
     (episode,) = found.episodes
     assert (episode.asked, episode.decided_by, episode.verdict, episode.frames) == ((), "unresolved", "open", 40)

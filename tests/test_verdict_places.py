@@ -225,6 +225,6 @@ def test_what_was_kept_in_flight_gives_the_same_as_measuring_again():
 )
 def test_faults_of_computers_links_and_servos_are_told_by_their_setting(settings: dict[str, Any], told: str):
     which = loaded({"start_s": 1.0, **settings}, sets=("computers.count=4", "actuators.model=servo"))
-    lanes: list[Any] = []
-    rows = fly_rows(which, lanes=lanes)
-    assert conclusion(which, score(which, Table(rows, np.concatenate(lanes))))[1].startswith(told)
+    beside: list[Any] = []
+    rows = fly_rows(which, beside=beside)
+    assert conclusion(which, score(which, Table(rows, np.concatenate(beside))))[1].startswith(told)

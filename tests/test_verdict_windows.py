@@ -48,17 +48,17 @@ def test_two_channels_at_once_share_one_window_with_all_good_before():
 def test_the_error_of_a_mean_is_a_quarter_of_the_hardover():
     found = scored([HARD], 100, MEAN, exact=True)
     assert window(found).error_max == pytest.approx(1.5 / 4, rel=1e-12)
-    assert window(found).above_threshold_s == pytest.approx(0.80) and not window(found).kept
+    assert window(found).above_threshold_s == pytest.approx(0.80) and not window(found).correct
 
 
 @pytest.mark.parametrize(("frames", "kept"), [(28, True), (29, False)])
 def test_a_vote_is_kept_that_was_off_for_no_longer_than_a_monitor_may_take(frames: int, kept: bool):
     found = scored([{**HARD, "end_s": 0.2 + frames / 100}], 100, MEAN, exact=True)
-    assert window(found).above_threshold_s == pytest.approx(frames / 100) and window(found).kept == kept
+    assert window(found).above_threshold_s == pytest.approx(frames / 100) and window(found).correct == kept
 
 
-def test_a_vote_that_is_off_in_the_last_frame_is_not_kept():
-    assert not window(scored([{**HARD, "start_s": 0.97}], 100, MEAN, exact=True)).kept
+def test_a_vote_that_is_off_in_the_last_frame_is_not_correct():
+    assert not window(scored([{**HARD, "start_s": 0.97}], 100, MEAN, exact=True)).correct
 
 
 def test_time_at_level_0_is_lost():
@@ -128,7 +128,7 @@ def test_a_wrong_isolation_is_booked_on_the_fault_in_whose_window_it_is():
     which, rows = flight([offset([2], 0.1, 0.2), offset([3], 0.6, 0.2)])
     rows["state"][30:, Q, 0] = State.FAILED
     told = campaign_rows("faults", 0, which, score(which, Table(rows)))
-    assert [row["isolation"] for row in told] == ["wrong", "right"]
+    assert [row["isolation"] for row in told] == ["wrong", "correct"]
 
 
 def test_a_manager_that_takes_its_failures_back_counts_by_its_vote():
@@ -137,4 +137,4 @@ def test_a_manager_that_takes_its_failures_back_counts_by_its_vote():
     found = score(which, Table(rows))
     (row,) = campaign_rows("faults", 0, which, found)
     assert found.wrong_isolations
-    assert (row["isolation"], row["vote_kept"]) == ("right", True)
+    assert (row["isolation"], row["vote_correct"]) == ("correct", True)

@@ -21,8 +21,8 @@ from rig.core.frame import (
     LinkState,
     Pattern,
     Table,
-    lane_rows,
     new_block,
+    second_rows,
 )
 from rig.log.writer import LogWriter
 from rig.show.terminal.redundancy_page import Page
@@ -42,8 +42,8 @@ FACTS = Facts("a flight", {"pitch_rate": 1.0}, (STOP,), computers=4)
 
 @pytest.fixture(scope="module")
 def moved() -> Table:
-    """A accuses B with C and D, which is failed a frame later; its links fail; at 2 s nobody leads any more."""
-    block = lane_rows(FRAMES, ("computer",))
+    """A accuses B with C and D, which is failed a frame later; its links fail; at 2 s no lane leads any more."""
+    block = second_rows(FRAMES, ("computer",))
     lanes = block["computer"]
     lanes["health"], lanes["leads"][:, A] = Health.ENGAGED, 1
     lanes["link"] = LinkState.FRESH
@@ -83,16 +83,16 @@ def test_lanes_say_which_links_and_votes_of_commands_were_not_in_order(moved: Ta
     assert changed(found, "/vote_aileron") == [(0, "NORMAL")]
 
 
-def test_every_state_of_a_lane_has_a_look_and_red_is_for_failures_alone() -> None:
-    for lane in computers.LANES:
-        assert set(lane.states.values()) - lane.looks.keys() <= {"FAILED"}  # for no test, or by command: never
-        red = {label for label, color in lane.looks.values() if color == servos.FAILED}
+def test_every_state_of_a_strip_has_a_look_and_red_is_for_failures_alone() -> None:
+    for strip in computers.STRIPS:
+        assert set(strip.states.values()) - strip.looks.keys() <= {"FAILED"}  # for no test, or by command: never
+        red = {label for label, color in strip.looks.values() if color == servos.FAILED}
         assert all(label.startswith("failed") for label in red)
 
 
 def test_computers_that_are_not_fitted_are_left_out() -> None:
-    assert [lane.path for lane in computers.fitted(computers.HEALTH, 2)] == ["/lane_A", "/lane_B"]
-    assert [lane.path for lane in computers.fitted(computers.OF_LINKS, 2)] == ["/A_to_B", "/B_to_A"]
+    assert [strip.path for strip in computers.fitted(computers.HEALTH, 2)] == ["/lane_A", "/lane_B"]
+    assert [strip.path for strip in computers.fitted(computers.OF_LINKS, 2)] == ["/A_to_B", "/B_to_A"]
     assert len(computers.fitted(computers.OF_LINKS, 4)) == len(LINKS)
 
 
@@ -119,7 +119,7 @@ def test_a_channel_that_fails_with_its_computer_has_that_fault_on_it() -> None:
 
 
 def test_a_saved_recording_has_the_lanes_and_lists_of_the_log(moved: Table, tmp_path: Path) -> None:
-    with LogWriter(tmp_path / "flight.mcap", HZ, {}, lanes=("computer",)) as writer:
+    with LogWriter(tmp_path / "flight.mcap", HZ, {}, parts=("computer",)) as writer:
         writer.write(moved)
     save(read([tmp_path / "flight.mcap"]), tmp_path / "opened.rrd")
     rows: dict[str, int] = {}
@@ -157,7 +157,7 @@ def test_the_terminal_says_that_the_back_up_flies(moved: Table) -> None:
 
 
 def test_a_servo_channel_that_its_failed_computer_has_shut_off_counts_as_off() -> None:
-    rows = Table(new_block(1), lane_rows(1))
+    rows = Table(new_block(1), second_rows(1))
     rows.servo["valve"][:, 0, B] = 1
     found = list(servos.SHOWN.changes(rows, None))
     assert changed(found, "/elevator/channel_2") == [(0, "WITH_COMPUTER")]

@@ -13,9 +13,9 @@ from rerun.chunk import McapReader, RrdReader
 from rich.console import Console
 
 from rig.core.errors import BadInput
-from rig.core.frame import LANE_FIELDS, MOVED, TIMING, ActuatorMonitor, Table, lane_rows, new_block
+from rig.core.frame import MOVED, SERVO_FIELDS, TIMING, ActuatorMonitor, Table, new_block, second_rows
 from rig.core.frame.fields import elements
-from rig.log.schema import LANE_TOPICS
+from rig.log.schema import PART_TOPICS
 from rig.log.writer import LogWriter
 from rig.show.terminal.redundancy_page import Page
 from rig.show.viewer import servo_series as servos
@@ -34,7 +34,7 @@ FACTS = Facts("a flight", {"pitch_rate": 1.0}, (FaultFact("coil", "actuator.elev
 @pytest.fixture(scope="module")
 def moved() -> Table:
     """Channel 2 of the elevator is shut off by its current; the rudder is bypassed at the end."""
-    block, rng = lane_rows(FRAMES), np.random.default_rng(1)
+    block, rng = second_rows(FRAMES), np.random.default_rng(1)
     block["frame"] = np.arange(FRAMES)
     for name in ("asked", "lvdt", "ram", "ram_model", "current", "spool", "spool_model", "pressure"):
         block["servo"][name] = rng.uniform(-0.1, 0.1, block["servo"][name].shape)
@@ -46,7 +46,7 @@ def moved() -> Table:
 @pytest.fixture(scope="module")
 def log(moved: Table, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("servos") / "flight.mcap"
-    with LogWriter(path, HZ, {}, lanes=("servo",)) as writer:
+    with LogWriter(path, HZ, {}, parts=("servo",)) as writer:
         writer.write(moved)
     return path
 
@@ -96,8 +96,8 @@ def test_the_importer_makes_the_same_messages_of_our_log(log: Path, tmp_path: Pa
 
 
 def test_every_number_of_the_message_is_a_column(moved: Table) -> None:
-    made = struct(moved.servo, LANE_TOPICS["servo"][ELEVATOR])
-    assert [field.name for field in made.type] == [name for field in LANE_FIELDS for name, _ in elements(field)]
+    made = struct(moved.servo, PART_TOPICS["servo"][ELEVATOR])
+    assert [field.name for field in made.type] == [name for field in SERVO_FIELDS for name, _ in elements(field)]
 
 
 def test_the_headline_names_channel_delay_and_monitor_and_the_tab_shows_these_seconds(moved: Table) -> None:

@@ -53,7 +53,7 @@ def test_an_aircraft_that_is_lost_is_told_first() -> None:
     rows = flown(2554, pitch_rate_3=2007)
     rows["end"][-1] = End.DEPARTURE_ANGLE_OF_ATTACK
     told = headline(HARDOVER, rows)
-    assert told.startswith("LOST at 25.53 s, departure angle of attack: pitch rate, channel 3, isolated")
+    assert told.startswith("LOST at 25.53 s: angle of attack beyond its limit; pitch rate, channel 3, isolated")
 
 
 def test_a_channel_that_fails_without_a_fault_on_it_is_told_so() -> None:
@@ -62,7 +62,7 @@ def test_a_channel_that_fails_without_a_fault_on_it_is_told_so() -> None:
     assert "after onset" not in told
 
 
-def test_a_fault_that_nobody_isolated_and_a_flight_without_any() -> None:
+def test_a_fault_that_was_not_isolated_and_a_flight_without_any() -> None:
     assert headline(HARDOVER, flown()) == "SURVIVED: no channel isolated; hardover pitch_rate.3 from 20.00 s"
     assert headline(HARDOVER, new_block(100)) == "SURVIVED: no channel isolated"
 

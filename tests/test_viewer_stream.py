@@ -22,7 +22,7 @@ from rig.core.frame import FLAT, SIGNALS, Table, new_block
 from rig.show.viewer import sink, viewer
 from rig.show.viewer.blueprint import blueprint, decisive_span, main_signal, status_shown
 from rig.show.viewer.facts import Facts, FaultFact, Layout, Seen, Shown, together
-from rig.show.viewer.plots import state_lanes
+from rig.show.viewer.plots import strips_view
 from rig.show.viewer.state_strips import of_signal
 from rig.show.viewer.stream import Stream, open_stream
 
@@ -129,7 +129,7 @@ def test_other_machines_and_unknown_words_are_refused(where: str, tmp_path: Path
         open_stream(where, "t", 100.0, tmp_path / "log.mcap")
 
 
-def test_an_address_where_nobody_listens_is_refused_at_once(tmp_path: Path) -> None:
+def test_an_address_where_no_program_listens_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no viewer listens"):
         open_stream(f"rerun+http://127.0.0.1:{viewer.free_port()}/proxy", "t", 100.0, tmp_path / "log.mcap")
 
@@ -264,13 +264,13 @@ def test_the_viewer_is_told_to_keep_its_statistics_off() -> None:
     assert given == {"FORCE_RERUN_ANALYTICS": "1", "PATH": "/bin"}
 
 
-def test_a_lane_keeps_its_own_look_where_another_of_the_view_shows_the_same_state_differently() -> None:
-    lanes = of_signal(SIGNALS[0])
-    view = state_lanes("lanes", lanes, [Shown()])
-    looks = {state: look for lane in lanes[:-1] for state, look in lane.looks.items()}
-    differing = [lane.path for lane in lanes if any(looks.get(s, look) != look for s, look in lane.looks.items())]
+def test_a_strip_keeps_its_own_look_where_another_of_the_view_shows_the_same_state_differently() -> None:
+    strips = of_signal(SIGNALS[0])
+    view = strips_view("strips", strips, [Shown()])
+    looks = {state: look for strip in strips[:-1] for state, look in strip.looks.items()}
+    differing = [strip.path for strip in strips if any(looks.get(s, look) != look for s, look in strip.looks.items())]
     assert list(view.visualizer_overrides) == differing == ["/pitch_rate/source"]
-    assert view.contents == [lane.path for lane in lanes]
+    assert view.contents == [strip.path for strip in strips]
     [shared] = view.defaults
     states = shared.values.as_arrow_array().to_pylist()
     assert {"OK", "SUSPECT", "FAILED", "OVER", "GROUND_CONTACT"} <= set(states)

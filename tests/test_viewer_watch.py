@@ -122,7 +122,7 @@ def test_the_end_of_a_flight_is_on_the_page() -> None:
     assert "departure load factor" in drawn(rows[0]).export_text().splitlines()[0]
 
 
-def test_a_live_page_shows_the_last_frame_and_all_events_and_holds_nobody_up() -> None:
+def test_a_live_page_shows_the_last_frame_and_all_events_and_delays_no_process() -> None:
     screen = terminal()
     watch = Watch(OnTerminal(screen), None)
     began = time.monotonic()
@@ -207,7 +207,7 @@ def test_in_a_pipe_events_are_lines_and_the_page_comes_once_at_the_end() -> None
     assert "\x1b" not in screen.file.getvalue()  # type: ignore[attr-defined]
 
 
-def test_nobody_watches_unless_asked() -> None:
+def test_no_viewer_watches_unless_asked() -> None:
     with watching(False, None) as watch:
         assert watch is None
 

@@ -51,7 +51,7 @@ OF_FRAME = [name for name in INPUT.names or () if name in (FLAT.names or ()) and
 def kept(name: str, reads: Iterable[str | bytes], make: Callable[[Path], Path]) -> Path:
     """The file ``name`` that ``make`` leaves in a folder, made once of what it ``reads``: later runs find it.
 
-    What no run has asked for in a month is removed.  Nobody may write to it.
+    What no run has asked for in a month is removed.  No test may write to it.
     """
     digest = sha256()
     for part in reads:

@@ -21,14 +21,14 @@ POOL = 1200  # random flights that a case chooses from
 
 
 class TrendAccuses(Oracle):
-    """Another rule, for a choice of flights: whoever is blamed without a majority is accused by trend and rank too."""
+    """Another rule, for a choice of flights: a channel blamed without a majority is accused by trend and rank too."""
 
     def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         return super().evidence(view, "ilm" if decided_by in ("trend", "extremes", "middle") else decided_by, wrong)
 
 
-class NobodyAccuses(Oracle):
-    """And another one: nobody who is blamed without a majority is accused."""
+class NoneAccused(Oracle):
+    """And another one: no channel blamed without a majority is accused."""
 
     def evidence(self, view: View, decided_by: str, wrong: set[int]) -> set[int]:
         return super().evidence(view, "trend", wrong)
@@ -184,7 +184,7 @@ BOXES: list[tuple[str, Callable[[Common], bool], tuple[int, ...]]] = [
     ("trend and rank accuse no box", lambda common: common.hangs_on(TrendAccuses), (442, 529)),
     (
         "monitors and references accuse a box without a majority",
-        lambda common: common.hangs_on(NobodyAccuses),
+        lambda common: common.hangs_on(NoneAccused),
         (29, 55),
     ),
 ]

@@ -284,7 +284,7 @@ def smoothed_and_repeating(seed: int) -> Flown:
 
 
 def with_repeats(flight: Flight, pick: Pick) -> Flight:
-    """The same with a count of repeats, channels that stick for a while and, in some frames, nobody or one missing."""
+    """The same with a count of repeats, channels that stick for a while and, in some frames, none or one missing."""
     samples = [list(row) for row in flight.samples]
     for _ in range(pick([1, 2, 3])):
         first, stuck = pick(range(FRAMES)), {pick(range(4)), pick(range(4))}

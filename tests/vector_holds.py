@@ -1,4 +1,4 @@
-"""Other readings of what holds while nobody decides, and a maker of flights that tell them apart."""
+"""Other readings of what holds while no rule decides, and a maker of flights that tell them apart."""
 
 from __future__ import annotations
 

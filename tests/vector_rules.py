@@ -141,7 +141,7 @@ class _AtOnce(Split):
 
 
 class AtOnce(Other):
-    """A pattern that has lasted is settled by whoever answers then."""
+    """A pattern that has lasted is settled by the rule that answers then."""
 
     splits = _AtOnce
 
@@ -165,7 +165,7 @@ class _Moved(Split):
 
 
 class Moved(Other):
-    """While nobody answers the vote moves as the voting ranks do, but in a pattern's first frame."""
+    """While no rule answers the vote moves as the voting ranks do, but in a pattern's first frame."""
 
     splits = _Moved
 
@@ -197,7 +197,7 @@ class _ByRank(Split):
 
 
 class SharedByRank(Other):
-    """The shares stay with the ranks, whoever has them."""
+    """The shares stay with the ranks, of any channels."""
 
     splits = _ByRank
 
@@ -238,7 +238,7 @@ class _Always(SlowFaults):
 
 
 class OfAllAtRest(Other):
-    """Repeats are counted where nobody moves, too."""
+    """Repeats are counted where no channel moves, too."""
 
     repeated = _Always
 

@@ -1,14 +1,13 @@
 """Outcome of each injected fault, by the kernel that scores a flight (verdict/row_kernel.py).
 
-    right   isolated: the manager isolated the faulty channel
+    correct isolated: the manager isolated the faulty channel
     wrong   wrong channel: the manager isolated a healthy channel, up to the next onset on the signal
     missed  neither
     prior   before the onset a healthy channel of the signal was isolated, or the faulty channel was out already
     none    not executed: the fault never began (a random trigger that did not fire)
 
 A recording has no truth: its samples before the injection take its place, and the votes are not scored.
-The delay is from the onset to the row of the isolation: of the faulty channel if right, of the first healthy channel if
-wrong.
+The delay is from the onset to the row of the isolation: of the faulty channel if correct, of a healthy one if wrong.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Scored:
     channel: int
     onset_s: float | None  # in the recording as voted: of an aligned channel, with its delay taken off
     outcome: str  # one of OUTCOMES
-    failed_channel: int | None  # that the outcome is about, of right and wrong
+    failed_channel: int | None  # that the outcome is about, of correct and wrong
     failed_at_s: float | None
     delay_s: float | None
     by: str | None  # comparison, or a rule

@@ -17,7 +17,7 @@ from rig.computer.control.autopilot import Control
 from rig.computer.lanes.lanes_stage import Lanes, think_all
 from rig.computer.lanes.think import ComputerData
 from rig.computer.redundancy.resets import command
-from rig.core.frame import FCC, FLAT, FLIGHT_INDEX, MOVED, SURFACES, Block, Table, lane_rows, nested
+from rig.core.frame import FCC, FLAT, FLIGHT_INDEX, MOVED, SURFACES, Block, Table, nested, second_rows
 from rig.core.kernels import kernel, long_kernel
 from rig.flight.stages import computers, faults, redundancy
 from rig.scenario.scenario import Scenario
@@ -49,7 +49,7 @@ class LanesAgain:
         lanes = self._lanes = self._lanes or self._begin(rows[0])
         again, flown = blank(rows, self._scenario, OUTPUTS, self._again), copied(rows)
         self._faults.prepare(again)
-        made = lane_rows(max(2, len(rows)), self._scenario.lane_parts)  # of one row the view would be another type
+        made = second_rows(max(2, len(rows)), self._scenario.row_parts)  # of one row the view would be another type
         lanes.prepare(made["computer"][: len(rows)])
         data = lanes.data._replace(rows=made["computer"])
         common = ComputerData(self._redundancy.data, self._control.data, self._faults.data)
@@ -63,7 +63,7 @@ class LanesAgain:
         self._control.reset(first["flight"][_FIRST : _FIRST + len(SURFACES)])
         alone = ComputerData(self._redundancy.data, self._control.data, self._faults.data)
         lanes = computers(self._scenario, alone, self._sensors, self._own or self._redundancy.own)
-        assert lanes is not None  # of one computer nobody asks
+        assert lanes is not None  # one computer is voted again without them
         return lanes
 
 

@@ -115,12 +115,12 @@ def _show_recordings(result: dict[str, Any]) -> None:
     line(f"{result['hours']:.3g} h of data; each half calibrates to no false isolation, the other half tests")
     false = Counter[str]()
     for row in result["levels"]:
-        false[row["entrant"]] += row["false"]
+        false[row["manager"]] += row["false"]
     table(false.items(), (Column("manager", 0), Column("false isolations in the test halves", 1)))
     for (signal,), rows in _grouped(result["table"], "signal"):
         _show_kinds(signal, rows, OUTCOMES[:7], ending="")
     line()
-    table([row for row in result["differences"] if (row["kind"], row["ours"]) == ("all", OURS)], DIFFERENCES)
+    table([row for row in result["differences"] if (row["kind"], row["built_in"]) == ("all", OURS)], DIFFERENCES)
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -176,6 +176,6 @@ def _show_transients(rows: list[Row]) -> None:
     """Print a row for each signal and entrant, a column for each burst."""
     bursts = dict.fromkeys(f"{row['frames']} x {row['thresholds']:g}" for row in rows)
     made = [
-        (*pair, *(f"{r['failed']} of {r['bursts']}" for r in of)) for pair, of in _grouped(rows, "signal", "entrant")
+        (*pair, *(f"{r['failed']} of {r['bursts']}" for r in of)) for pair, of in _grouped(rows, "signal", "manager")
     ]
     table(made, columns("signal", "manager", *bursts))

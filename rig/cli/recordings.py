@@ -224,7 +224,7 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
         *(Column("frames", "persistence"), Column("bias", "equalise_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
         *(Column("stale", "stale_frames", worth=8), Column("smallest offset", format=".3g", empty="none")),
         Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
-        *(*faults, Column("share", "found_rightly", ".3f")),
+        *(*faults, Column("share", "correctly_isolated", ".3f")),
     )
     line()
     line("faults injected into the same data: correctly isolated (offsets as fractions of the motion)")
@@ -232,5 +232,5 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
 
 
 def _right(fault: dict[str, Any]) -> str:
-    of = fault["right"] + fault["wrong"] + fault["missed"]
-    return f"{fault['right']}/{of}" + (f" -{fault['wrong']}" if fault["wrong"] else "")
+    of = fault["correct"] + fault["wrong"] + fault["missed"]
+    return f"{fault['correct']}/{of}" + (f" -{fault['wrong']}" if fault["wrong"] else "")

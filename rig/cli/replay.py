@@ -209,6 +209,7 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 
 def _info(facts: dict[str, Any]) -> None:
+    from rig.core.ending import ending
     from rig.unit.unit_file import voter
 
     result, sets = facts["result"] or {}, facts["overrides"]
@@ -222,8 +223,8 @@ def _info(facts: dict[str, Any]) -> None:
         field("what if", f"{facts['what_if']}, over the channels of {facts['what_if_of']}; not flown")
     planned = "" if facts["planned_s"] is None else f" of {facts['planned_s']:g} s"
     field("flown", f"{facts['frames']} frames, {facts['duration_s']:g} s{planned}, at {facts['rate_hz']:g} Hz")
-    outcome = f"{'survived' if result.get('survived') == 'True' else 'lost'}: {result.get('end_reason', '')}"
-    field("result", outcome if result else "none: the log has no end of the flight")
+    end = result.get("survived") == "True", result.get("end_reason", ""), facts["frames"], facts["rate_hz"]
+    field("result", ending(*end) if result else "none: the log has no end of the flight")
     for note in facts["notes"]:
         field("note", note, style="yellow")
     field("events", ", ".join(f"{count} {name}" for name, count in facts["events"].items()) or "none")

@@ -91,8 +91,8 @@ def _tree(folders: Sequence[Path], rates: Path, signal: str, channels: int, hour
         named = {", ".join(modes): chance for modes, chance in sets.sets().items()}
         return solve(mode_tree(sets), mode_chain(sets), flights, named)
     model = read_model(folders, read_rates(rates), signal, channels, min(flights), str(rates))
-    not_kept = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
-    return solve(signal_tree(model), transitions(model), flights, not_kept)
+    not_correct = {f"{good} good": model.next_fault(good) for good in range(channels, 0, -1)}
+    return solve(signal_tree(model), transitions(model), flights, not_correct)
 
 
 def _show(result: TreeResult) -> None:
@@ -102,7 +102,7 @@ def _show(result: TreeResult) -> None:
     table(result.at, AT)
     most = max((abs(each.differs) for each in result.at), default=0.0)
     line(f"static tree: {result.static}, differs from the chain by at most {100 * most:.2g} %")
-    line("not correct: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_kept.items()))
+    line("not correct: " + "; ".join(f"{good} {chance:.3g}" for good, chance in result.not_correct.items()))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -147,10 +147,12 @@ def _isolations(title: str, isolations: Sequence[Isolation], rate_hz: float, *, 
 
 
 def _flight(flight: FlightScore, rate_hz: float) -> None:
+    from rig.core.ending import ending
     from rig.verdict.score_tables import peaks
 
     verdict = ("survived", "green") if flight.survived else ("lost", "red")
-    field("flight", verdict, f": {flight.end_reason} ({flight.frames} frames, {flight.duration_s:g} s)", width=WIDTH)
+    end = ending(flight.survived, flight.end_reason, flight.frames, rate_hz).removeprefix(verdict[0])
+    field("flight", verdict, f"{end} ({flight.frames} frames)", width=WIDTH)
     field("peaks", peaks(flight), width=WIDTH)
     if flight.transients is not None:
         _transients(flight.transients, rate_hz)

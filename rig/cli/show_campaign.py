@@ -27,7 +27,7 @@ MOST_ROWS: Final = 60  # of a plan on a terminal; --json has all
 _WIDTH: Final = 19  # of a report's labels
 _SHARES: Final = {
     "detection": "detection",
-    "right_isolation": "correct isolation",
+    "correct_isolation": "correct isolation",
     "wrong_isolation": "wrong isolation",
     "survival": "survival",
 }

@@ -214,7 +214,7 @@ def publish(made: Path, paths: Iterable[Path]) -> Path:
     for path in paths:
         with reported(path):
             try:
-                path.touch(exist_ok=False)  # ours from here on, whoever else looks for a name
+                path.touch(exist_ok=False)  # ours from here on, of all processes that look for a name
             except FileExistsError:
                 continue
             try:

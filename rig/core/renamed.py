@@ -45,6 +45,8 @@ COMMANDS: Final = {
     "rig reliability margin": "rig reliability false-isolations",
 }
 OPTIONS: Final = {"--lasting": "--slow-faults", "--no-twin": "--no-baseline", "--seam": "--interface"}
+# Attributes of ``rig.log.Log``.
+ATTRIBUTES: Final = {"lanes": "parts"}
 # Of a log: its topics, whose names columns begin with, its messages, enums, and what names of fields begin with.
 TOPICS: Final = {"/demand": "/autopilot_command"}
 MESSAGES: Final = {"rig.Demand": "rig.AutopilotCommand"}
@@ -64,7 +66,10 @@ COLUMNS: Final = {
     "bad_vote": "undetected_error",
     "lost_aircraft_known": "lost_aircraft_annunciated",
     "lost_aircraft_bad": "lost_aircraft_undetected",
+    "vote_kept": "vote_correct",
 }
+# Words in such columns.
+CELLS: Final = {"isolation": {"right": "correct"}, "verdict": {"right": "correct"}}
 VERDICT: Final = {'"margin":': '"robustness":'}
 # Of a unit's records, as their layout was hashed: the name now, and the one of then.
 IN_LAYOUT: Final = {

@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 _HERE: Final = threading.local()  # ``ended``, the event of the work that this thread is part of
 
 
-class Ended(Exception):  # no error: nobody waits for the result any more
+class Ended(Exception):  # no error: no caller waits for the result any more
     """The work of this thread has ended."""
 
 

@@ -247,7 +247,7 @@ def fly(tables: dict[str, Any], flight_point: FlightPoint, designed: Designed, c
     scenario = build(Scenario, aircraft.merge({**tables, **own}, _UNMEASURED), f"aircraft {tables['aircraft']}")
     rows = fly_rows(scenario)
     if rows["end"][-1] != 0:
-        reason = End(int(rows["end"][-1])).label
+        reason = End(int(rows["end"][-1])).cause
         where = f"in the healthy flight {flight!r}, {turbulence} turbulence, after {len(rows) / RATE_HZ:.1f} s"
         raise PointFault(f"{tables['aircraft']} {flight_point.name}: lost {where}: {reason}", flight_point.name)
     return rows

@@ -257,7 +257,7 @@ def _unit(frame: int, old: int, new: int, row: Any) -> Event | None:
 
 
 def _end(frame: int, old: int, new: int, row: Any) -> Event:
-    return Event(frame, "error", "flight ends", End(new).label)
+    return Event(frame, "error", "flight ends", End(new).cause)
 
 
 _DESCRIBE = {

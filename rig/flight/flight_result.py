@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rig.core.ending import ending
 from rig.core.event import Event, StreamReport
 from rig.core.frame import Block
 from rig.flight.conclusion_rows import Conclusion
@@ -89,9 +90,9 @@ class Flight:
     def __repr__(self) -> str:
         """Return one line: scenario, end, isolated channels, log."""
         named = f"{self.scenario.title or self.scenario.aircraft} seed {self.scenario.seed}"
-        verdict = f"{'survived' if self.survived else 'lost'} ({self.end_reason}, {self.duration_s:g} s)"
+        verdict = ending(self.survived, self.end_reason, self.frames, self.scenario.rate_hz)
         told = f"isolated {failed_text(self.failed)}{slow_faults_text(self.suspects)}"
-        return f"<Flight {named}: {verdict}, {told}, log {self.log}>"
+        return f"<Flight {named}: {verdict}; {told}, log {self.log}>"
 
     def summary(self) -> dict[str, Any]:
         """Return the flight as plain data, as ``rig fly --json`` prints it."""

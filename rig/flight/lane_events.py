@@ -16,7 +16,7 @@ from rig.core.units.quantities import duration
 FAILED, DISENGAGED, RESTARTING = "lane failed", "lane disengaged", "lane restarting"  # names of events
 READMITTED, REFUSED, LEADING = "lane readmitted", "lane not readmitted", "leading lane"
 BACKUP, LINK_FAILED, LINK_BACK = "back-up engaged", "link failed", "link back"
-NO_LANE, BY_COMMAND, UNRESOLVED = "no lane is engaged", "by command", "the vote of commands is unresolved"
+NONE_ENGAGED, BY_COMMAND, UNRESOLVED = "no lane is engaged", "by command", "the vote of commands is unresolved"
 ENGAGED: Final = (Health.ENGAGED, Health.SUSPECT)
 BY_OTHERS: Final = (LaneTest.COMMANDS, LaneTest.LINK, LaneTest.CLOCK)
 _NAMES: Final = {
@@ -185,7 +185,7 @@ class ComputerFinder:
         """Return why the back-up flies from ``row`` (1,) on."""
         if any(order.do == "backup" and order.frame == row["frame"][0] for order in self._orders):
             return BY_COMMAND
-        return UNRESOLVED if is_engaged(row).any() else NO_LANE
+        return UNRESOLVED if is_engaged(row).any() else NONE_ENGAGED
 
     def _links(self, both: Table) -> Iterator[Event]:
         """Yield an event for the links of a sender that fail, or come back, in one frame."""

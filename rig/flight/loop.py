@@ -30,7 +30,7 @@ from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.own import OwnManager
 from rig.computer.redundancy.resets import command
 from rig.core.errors import ManagerFailed
-from rig.core.frame import FLAT, TIMING, Block, Nested, Table, lane_rows, nested, new_block
+from rig.core.frame import FLAT, TIMING, Block, Nested, Table, nested, new_block, second_rows
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, inlined, kernel
 from rig.flight.put_out import put_out
@@ -101,7 +101,7 @@ class Rig:
         alone = ComputerData(self.redundancy.data, self.control.data, self.faults.data)
         own = UNIT if computer is not None else self.redundancy.own
         self.computers = computers(scenario, alone, self.sensors, own, getattr(computer, "lane", None))
-        self._lanes: Block | None = None  # of the present block
+        self._beside: Block | None = None  # of the present block
         self.data = self._gather()
         self.computer_step = bind_computer(self.data, self.redundancy.own) if computer is None else computer(self)
 
@@ -112,20 +112,20 @@ class Rig:
         self.sensors.prepare(block)
         self.inertial.prepare(block)
         self.faults.prepare(block)
-        if parts := self.scenario.lane_parts:
-            self._lanes = lane_rows(len(block), parts, int(block["frame"][0]))
+        if parts := self.scenario.row_parts:
+            self._beside = second_rows(len(block), parts, int(block["frame"][0]))
             for part, stage in (("servo", self.actuators), ("computer", self.computers)):
                 if stage is not None:
-                    stage.prepare(self._lanes[part])
+                    stage.prepare(self._beside[part])
         self.data = self._gather()
 
     def table(self, rows: Block, timing: NDArray[Any] | None = None) -> Table:
         """Return ``rows`` of the block that was flown last as a table."""
-        return Table(rows, *(self.lanes(len(rows)) or (None,)), timing)
+        return Table(rows, *(self.beside(len(rows)) or (None,)), timing)
 
-    def lanes(self, count: int) -> tuple[Block] | tuple[()]:
-        """Return the first ``count`` rows of servos and lanes in the block that was flown last; () without any."""
-        return () if self._lanes is None else (self._lanes[:count],)
+    def beside(self, count: int) -> tuple[Block] | tuple[()]:
+        """Return the first ``count`` second rows of the block that was flown last; () without any."""
+        return () if self._beside is None else (self._beside[:count],)
 
     def _gather(self) -> StageData:
         """Return the parameters and states of the stages."""
@@ -277,18 +277,18 @@ def fly_rows(
     scenario: Scenario,
     frames_at_most: int | None = None,
     computer: Callable[[Rig], ComputerStep] | None = None,
-    lanes: list[Block] | None = None,
+    beside: list[Block] | None = None,
 ) -> Block:
     """Return all rows of a flight in memory, no more than ``frames_at_most``; two kilobytes a frame.
 
-    lanes : the rows of its servo actuators are added to it, block by block
+    beside : its second rows are added to it, block by block
     """
     rig, (rows, timing) = Rig(scenario, computer), new_memory(scenario, frames_at_most)
     count = 0
     for block, _ in frames(rig, scenario, memory=(rows, timing)):
         count += len(block)
-        if lanes is not None:
-            lanes += rig.lanes(len(block))
+        if beside is not None:
+            beside += rig.beside(len(block))
     return rows[:count]
 
 
@@ -342,7 +342,7 @@ def _fly_block(
 
 
 def _clear_rows(block: Block, first: int, count: int) -> Block:
-    """Return the block's memory for the next rows, blank: a stage may rely on fields that nobody has written."""
+    """Return the block's memory for the next rows, blank: a stage may rely on fields that were not written."""
     rows = block[:count]
     rows.view(np.uint8)[:] = 0
     rows["frame"] = np.arange(first, first + count)

@@ -127,7 +127,7 @@ def _lock() -> str:
 
 
 def _core() -> str:
-    """Take the last core that this process may use; one alone is nobody's own."""
+    """Take the last core that this process may use; a process keeps its only core."""
     allowed = sorted(os.sched_getaffinity(0))
     if len(allowed) < 2:
         return "none: there is only one"

@@ -16,6 +16,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from rig.core.ending import WHOLE
 from rig.core.errors import ManagerFailed
 from rig.core.frame import COMPUTERS, TIMING, Table, new_block, to_frame
 from rig.core.interrupt import Stop
@@ -139,7 +140,7 @@ class RecordingThread:
     def __init__(self, recorder: Recorder) -> None:
         self._recorder, self._pool = recorder, ThreadPoolExecutor(1, "recorder", off_the_core)
         self._pending: Future[None] | None = None
-        self._context = copy_context()  # whoever listens to progress does so there too
+        self._context = copy_context()  # listeners to progress are there too
         self._switch_s = sys.getswitchinterval()
 
     def record(self, table: Table) -> None:
@@ -185,7 +186,7 @@ def computer_finder(scenario: Scenario) -> ComputerFinder:
 
 
 def end_reason(verdict: Verdict, stop: Stop, scenario: Scenario) -> str:
-    """Return why the flight ended, as people read it."""
+    """Return why the flight ended; ``rig.core.ending`` has it in words."""
     if not verdict.survived:
         return verdict.end.label
-    return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else "duration flown"
+    return INTERRUPTED if stop.requested and verdict.frames < scenario.frames else WHOLE

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rig.core.event import Event
-from rig.core.frame import MOVED, ActuatorMonitor, Table, lane_rows, new_block
+from rig.core.frame import MOVED, ActuatorMonitor, Table, new_block, second_rows
 
 FAILED, VALVE, BYPASSED = "actuator channel failed", "shut-off valve", "surface lost"  # names of events
 CoilsFailed = dict[str, dict[int, tuple[int, str]]]  # by surface and channel from 1: frame and monitor
@@ -23,7 +23,7 @@ class ActuatorFinder:
 
     def __init__(self) -> None:
         self.failed: CoilsFailed = {}
-        self._last = Table(new_block(1), lane_rows(1))
+        self._last = Table(new_block(1), second_rows(1))
 
     def find(self, table: Table) -> list[Event]:
         """Return the events of frames, which follow those of the last call, in order of time."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.lanes.health import NOBODY, coverage
+from rig.computer.lanes.health import NO_LANE, coverage
 from rig.computer.lanes.lanes_stage import Lanes
 from rig.computer.lanes.think import ComputerData
 from rig.computer.redundancy import Redundancy
@@ -75,7 +75,7 @@ def computers(
     if whose is not None:
         why = f"{count} computers need a built-in manager; with {whose} allowed: 1"
         raise BadInput(f"computers.count: {why}{'; --lane replaces one of them' if whose == UNIT else ''}")
-    seeds, outside = scenario.streams()["computers"], NOBODY if lane is None else COMPUTERS.index(lane)
+    seeds, outside = scenario.streams()["computers"], NO_LANE if lane is None else COMPUTERS.index(lane)
     return Lanes(scenario.computers, alone, sensors.params["skew"], scenario.rate_hz, seeds, outside)
 
 

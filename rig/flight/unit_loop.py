@@ -61,15 +61,15 @@ def fly_rows(
     scenario: Scenario,
     frames_at_most: int | None = None,
     unit: UnitUnderTest | None = None,
-    lanes: list[Block] | None = None,
+    beside: list[Block] | None = None,
 ) -> Block:
     """Return all rows of a flight in memory, no more than ``frames_at_most``, of a unit or of the built-in computer.
 
-    lanes : the rows of its servo actuators are added to it, block by block
+    beside : its second rows are added to it, block by block
     """
     if unit is None:
-        return loop.fly_rows(scenario, frames_at_most, lanes=lanes)
-    rows = loop.fly_rows(scenario, frames_at_most, UnitComputer(unit), lanes)
+        return loop.fly_rows(scenario, frames_at_most, beside=beside)
+    rows = loop.fly_rows(scenario, frames_at_most, UnitComputer(unit), beside)
     unit.end()
     return rows
 

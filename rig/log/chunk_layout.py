@@ -5,7 +5,7 @@ are padded to one: so the records of a topic always have the same length and the
 channel id, protobuf tags), its template.  Variable bytes are moved between the frame and the template by tables of byte
 offsets.  A chunk has the records of one topic after those of another: where neighbours are alike, it compresses better.
 
-    FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | LANES, n, where there are any | events
+    FRAMES, n records of each topic | POSES, every POSE_EVERY-th of them | PARTS, n, where there are any | events
 
 Up to schema 4 it had a row of all topics for every frame, poses too, then the events.
 
@@ -27,15 +27,15 @@ from rig.core.frame import (
     CHANNELS,
     COMPUTER_FIELDS,
     FLAT,
-    LANE_FIELDS,
-    LANE_PARTS,
+    ROW_PARTS,
+    SERVO_FIELDS,
     TIMING,
     Block,
     Ilm,
-    LanePart,
-    LaneParts,
+    RowPart,
+    RowParts,
     State,
-    lane_rows,
+    second_rows,
 )
 from rig.core.frame.fields import FIELD, FIELDS
 from rig.core.frame.fields import Field as FrameField
@@ -45,9 +45,9 @@ from rig.log.schema import (
     ALL_TOPICS,
     EVENT_CHANNEL,
     FRAME_TOPICS,
-    LANE_MESSAGES,
-    LANE_TOPICS,
     MESSAGES,
+    PART_MESSAGES,
+    PART_TOPICS,
     POSE_EVERY,
     POSE_TOPICS,
     Field,
@@ -131,7 +131,7 @@ class Decoded(NamedTuple):
 
     rows: Block  # FLAT
     timing: NDArray[np.void]
-    lanes: Block | None
+    beside: Block | None
     runs: list[Run]
     size: int  # bytes
 
@@ -140,12 +140,12 @@ class Layout:
     """Layout of the frames of a log, for the fields of each message, in the order of their numbers.
 
     rowwise : as up to schema 4, poses at every frame
-    lanes : which parts of them it has
+    parts : of the second row, those that it has
     absent : numbers of FLAT that the messages do not have, field and index
     """
 
-    def __init__(self, messages: Messages, *, rowwise: bool = False, lanes: LaneParts = ()) -> None:
-        self._rowwise, self._lanes = rowwise, lanes
+    def __init__(self, messages: Messages, *, rowwise: bool = False, parts: RowParts = ()) -> None:
+        self._rowwise, self._parts = rowwise, parts
         self.table = Table((*FRAME_TOPICS, *POSE_TOPICS) if rowwise else FRAME_TOPICS, messages, rowwise=rowwise)
         self.absent = [
             (field.source, field.index)
@@ -166,17 +166,17 @@ class Layout:
         times = packed[:, _TIME].copy().view(np.uint64)[:, 0]
         if self._rowwise or not len(times):
             runs = [Run(times, self.table.indexes(len(times)))] if len(times) else []
-            return Decoded(rows, timing, lane_rows(0, self._lanes) if self._lanes else None, runs, packed.nbytes)
+            return Decoded(rows, timing, second_rows(0, self._parts) if self._parts else None, runs, packed.nbytes)
         size = packed.nbytes + POSES.rows(data[packed.nbytes :], len(times[::POSE_EVERY])).nbytes
-        lanes = lane_rows(len(times), self._lanes) if self._lanes else None
-        if lanes is not None:
-            lanes["frame"] = rows["frame"]
-            for part in self._lanes:
-                table, kind = LANES[part], LANE_PARTS[part]
+        beside = second_rows(len(times), self._parts) if self._parts else None
+        if beside is not None:
+            beside["frame"] = rows["frame"]
+            for part in self._parts:
+                table, kind = PARTS[part], ROW_PARTS[part]
                 moved = table.rows(data[size:], len(times))
                 _known_of(part).require(moved)
-                lanes[part], size = _gathered(moved, _origins(table, part, kind), kind), size + moved.nbytes
-        return Decoded(rows, timing, lanes, frame_runs(times, self._lanes), size)
+                beside[part], size = _gathered(moved, _origins(table, part, kind), kind), size + moved.nbytes
+        return Decoded(rows, timing, beside, frame_runs(times, self._parts), size)
 
     def _fill(self, rows: Block) -> None:
         """Give ``rows`` what an older log does not say: no number; a discrete whose channels are valid, unmonitored."""
@@ -233,12 +233,12 @@ _COUNTS: Final = {
     **dict.fromkeys(("level", "discrete_level"), CHANNELS),
     **dict.fromkeys(("reset", "discrete_reset"), (1 << CHANNELS) - 1),
 }
-_FIELDS: Final = {"frame": FIELDS, "servo": LANE_FIELDS, "computer": COMPUTER_FIELDS}
+_FIELDS: Final = {"frame": FIELDS, "servo": SERVO_FIELDS, "computer": COMPUTER_FIELDS}
 
 
 @cache
-def _known_of(part: LanePart) -> _Known:
-    return _Known.of(LANES[part], part, LANE_PARTS[part])
+def _known_of(part: RowPart) -> _Known:
+    return _Known.of(PARTS[part], part, ROW_PARTS[part])
 
 
 def _origins(table: Table, source: str, dtype: np.dtype[Any]) -> NDArray[np.intp]:
@@ -262,18 +262,18 @@ LAYOUT: Final = Layout(MESSAGES)  # of what we write
 FRAMES: Final = LAYOUT.table
 POSES: Final = Table(POSE_TOPICS, {})
 ROW: Final = len(FRAMES.template) + len(POSES.template)  # the most bytes of a frame before compression
-LANES: Final[dict[LanePart, Table]] = {part: Table(topics, LANE_MESSAGES) for part, topics in LANE_TOPICS.items()}
+PARTS: Final[dict[RowPart, Table]] = {part: Table(topics, PART_MESSAGES) for part, topics in PART_TOPICS.items()}
 
 
 @cache
-def layout_of(lanes: LaneParts) -> Layout:
-    """Return the layout that the rig writes, with these parts of lanes."""
-    return Layout(MESSAGES, lanes=lanes) if lanes else LAYOUT
+def layout_of(parts: RowParts) -> Layout:
+    """Return the layout that the rig writes, with these parts of the second row."""
+    return Layout(MESSAGES, parts=parts) if parts else LAYOUT
 
 
-def row_bytes(lanes: LaneParts) -> int:
-    """Return the most bytes of a frame before compression, with these parts of lanes."""
-    return ROW + sum(len(LANES[part].template) for part in lanes)
+def row_bytes(parts: RowParts) -> int:
+    """Return the most bytes of a frame before compression, with these parts of the second row."""
+    return ROW + sum(len(PARTS[part].template) for part in parts)
 
 
 def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
@@ -281,22 +281,22 @@ def log_times(frames: NDArray[np.int64], rate_hz: float) -> NDArray[np.uint64]:
     return np.rint(frames * 1e9 / rate_hz).astype(np.uint64)
 
 
-def frame_runs(times: NDArray[np.uint64], lanes: LaneParts = ()) -> list[Run]:
-    """Return the runs of a chunk of frames at ``times`` (n,), ns, with these parts of lanes."""
+def frame_runs(times: NDArray[np.uint64], parts: RowParts = ()) -> list[Run]:
+    """Return the runs of a chunk of frames at ``times`` (n,), ns, with these parts of the second row."""
     if not len(times):
         return []
-    frames, poses, *of_lanes = _indexes(len(times), lanes)
-    beside = [Run(times, np.concatenate(of_lanes))] if lanes else []  # the topics of all parts are neighbours
+    frames, poses, *of_parts = _indexes(len(times), parts)
+    beside = [Run(times, np.concatenate(of_parts))] if parts else []  # the topics of all parts are neighbours
     return [Run(times, frames), Run(times[::POSE_EVERY], poses), *beside]
 
 
 @lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def _indexes(frames: int, lanes: LaneParts) -> list[NDArray[Any]]:
+def _indexes(frames: int, parts: RowParts) -> list[NDArray[Any]]:
     poses, begin = len(range(0, frames, POSE_EVERY)), frames * len(FRAMES.template)
     found, behind = [FRAMES.indexes(frames), POSES.indexes(poses, begin)], begin + poses * len(POSES.template)
-    for part in lanes:
-        found.append(LANES[part].indexes(frames, behind))
-        behind += frames * len(LANES[part].template)
+    for part in parts:
+        found.append(PARTS[part].indexes(frames, behind))
+        behind += frames * len(PARTS[part].template)
     return found
 
 

@@ -29,12 +29,12 @@ from rig.core.errors import BadInput
 from rig.core.frame import (
     FLAT,
     INDEX,
-    LANE_FIELDS,
+    SERVO_FIELDS,
     SIGNALS,
     Block,
     Ilm,
-    LanePart,
     Pattern,
+    RowPart,
     State,
     Table,
 )
@@ -42,7 +42,7 @@ from rig.core.frame.fields import FIELD
 from rig.core.renamed import TOPICS, now_called
 from rig.core.text import choices, quoted
 from rig.core.units.quantities import unit_of_name
-from rig.log.schema import LANE_MESSAGES, LANE_TOPICS, MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.log.schema import MESSAGES, PART_MESSAGES, PART_TOPICS, TOPICS_OF_ROWS, Field, Topic
 
 if TYPE_CHECKING:
     import polars as pl
@@ -75,10 +75,10 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class LaneColumn(Column):
+class PartColumn(Column):
     """One number of the rows of servos and computers; owners: ``actuator.elevator``, ``computer.A``, ``ccdl`` ...."""
 
-    part: LanePart
+    part: RowPart
 
     def of(self, rows: Block | Table) -> NDArray[Any]:
         """Return the column of a table that has the part, a view."""
@@ -93,13 +93,13 @@ def _column(topic: Topic, field: Field) -> Column:
 
 
 COLUMNS: Final = tuple(_column(topic, field) for topic in TOPICS_OF_ROWS for field in MESSAGES[topic.message])
-LANE_COLUMNS: Final = tuple(
-    LaneColumn(topic.name[1:].replace("/", "."), field.name, field.source, topic.at(field), field.enum, False, part)
-    for part, topics in LANE_TOPICS.items()
+PART_COLUMNS: Final = tuple(
+    PartColumn(topic.name[1:].replace("/", "."), field.name, field.source, topic.at(field), field.enum, False, part)
+    for part, topics in PART_TOPICS.items()
     for topic in topics
-    for field in LANE_MESSAGES[topic.message]
+    for field in PART_MESSAGES[topic.message]
 )
-_LANE_UNITS: Final = {column.path: f.unit for column in LANE_COLUMNS for f in LANE_FIELDS if f.name == column.field}
+_PART_UNITS: Final = {column.path: f.unit for column in PART_COLUMNS for f in SERVO_FIELDS if f.name == column.field}
 _OF_SIGNALS: Final = {
     field.name for field in MESSAGES["rig.Signal"] if field.source in FIELD and FIELD[field.source].unit
 }
@@ -107,8 +107,8 @@ _OF_SIGNALS: Final = {
 
 def unit_of(path: str) -> str:
     """Return the SI unit of the number that the log names ``path``, like ``pitch_rate.ch_1``; "" where it has none."""
-    if path in _LANE_UNITS:
-        return _LANE_UNITS[path]
+    if path in _PART_UNITS:
+        return _PART_UNITS[path]
     owner, _, name = path.partition(".")
     if owner in INDEX:
         return SIGNALS[INDEX[owner]].unit if name in _OF_SIGNALS else ""
@@ -125,16 +125,16 @@ def label(column: Column, value: int) -> str:
 
 TIME: Final = "time_s"
 OWNERS: Final = tuple(dict.fromkeys(column.owner for column in COLUMNS))
-LANE_OWNERS: Final = tuple(dict.fromkeys(column.owner for column in LANE_COLUMNS))
+PART_OWNERS: Final = tuple(dict.fromkeys(column.owner for column in PART_COLUMNS))
 _OWN: Final = {"trend_high": "trend.high", "trend_low": "trend.low", "reference": "ref"}
 _NUMBERED: Final = {"channels": "", "discrete_channels": "", "state": ".state", "discrete_state": ".state"}
 
 
 def name(column: Column) -> str:
     """Return the column's name in a table."""
-    if isinstance(column, LaneColumn) and column.part == "servo":
+    if isinstance(column, PartColumn) and column.part == "servo":
         return ".".join([column.owner, column.field, *(str(i + 1) for i in column.index[1:])])
-    if isinstance(column, LaneColumn):
+    if isinstance(column, PartColumn):
         return f"{column.owner}.{column.name}"
     if column.field in _NUMBERED:
         return f"{column.owner}{_NUMBERED[column.field]}.{column.channel}"
@@ -160,15 +160,15 @@ def _fitted(rows: Block, column: Column) -> bool:
     return bool(rows[field][0][column.index] != State.ABSENT)
 
 
-def chosen_lanes(table: Table, owners: Sequence[str] = ()) -> list[LaneColumn]:
+def chosen_of_parts(table: Table, owners: Sequence[str] = ()) -> list[PartColumn]:
     """Return the columns of ``owners`` of servos and computers that the table has; all of them if none."""
     of = table.parts
-    return [column for column in LANE_COLUMNS if column.part in of and (not owners or column.owner in owners)]
+    return [column for column in PART_COLUMNS if column.part in of and (not owners or column.owner in owners)]
 
 
-def lane_owners(table: Table) -> list[str]:
+def part_owners(table: Table) -> list[str]:
     """Return the owners of the columns of servos and computers of the table."""
-    return list(dict.fromkeys(column.owner for column in chosen_lanes(table)))
+    return list(dict.fromkeys(column.owner for column in chosen_of_parts(table)))
 
 
 def dataframe(table: Table, time_s: NDArray[np.float64], owners: Sequence[str] = ()) -> pl.DataFrame:
@@ -176,13 +176,13 @@ def dataframe(table: Table, time_s: NDArray[np.float64], owners: Sequence[str] =
 
     BadInput: an owner that is no signal, discrete, topic, actuator or computer of the flight.
     """
-    allowed = [*OWNERS, *lane_owners(table)]
+    allowed = [*OWNERS, *part_owners(table)]
     for owner in owners:
         if owner not in allowed:
             if new := TOPICS.get(f"/{owner}"):
                 raise BadInput(now_called(owner, new.removeprefix("/")))
             raise BadInput(f"unknown {quoted(owner)}, {choices(owner, allowed, 'rig signals')}")
-    values = {column: column.of(table) for column in (*chosen(table.rows, owners), *chosen_lanes(table, owners))}
+    values = {column: column.of(table) for column in (*chosen(table.rows, owners), *chosen_of_parts(table, owners))}
     return of_columns({TIME: time_s, **{name(c): v for c, v in values.items()}}, {name(c): c for c in values})
 
 

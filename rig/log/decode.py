@@ -60,7 +60,7 @@ class Part(NamedTuple):
 
     rows: Block
     timing: NDArray[Any]
-    lanes: Block | None
+    beside: Block | None
     events: list[Event]
     runs: list[Run]  # of its messages
     chunk: Chunk
@@ -119,7 +119,7 @@ def decode(content: bytes, layout: Layout) -> Part:
     same_crc("chunk", chunk.uncompressed_crc, crc32(data))
     held = layout.read(np.frombuffer(data, np.uint8))
     events, entries = _events(data, held.size)
-    return Part(held.rows, held.timing, held.lanes, events, [*held.runs, *event_runs(entries)], chunk)
+    return Part(held.rows, held.timing, held.beside, events, [*held.runs, *event_runs(entries)], chunk)
 
 
 _LATEST_NS: Final = 2**63 - 1  # of the times that readers count with

@@ -25,15 +25,15 @@ from rig.core.frame import FLAT, SIGNALS, Block, Table
 from rig.core.text import choices, quoted
 from rig.log import Log
 from rig.log.columns import (
-    LANE_OWNERS,
     OWNERS,
+    PART_OWNERS,
     TIME,
     Column,
     chosen,
-    chosen_lanes,
-    lane_owners,
+    chosen_of_parts,
     name,
     of_columns,
+    part_owners,
     unit_of,
 )
 from rig.log.log_file import iter_blocks
@@ -132,16 +132,16 @@ def _narrowed(table: Table, described: dict[str, Column], for_vote: bool) -> Blo
 
 def _chosen(table: Table, owners: Sequence[str], for_vote: bool) -> list[Column]:
     """Return the columns of the owners, without channels that are not fitted."""
-    of_lanes = [] if for_vote else lane_owners(table)
-    accepted = [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *of_lanes]
+    of_parts = [] if for_vote else part_owners(table)
+    accepted = [signal.name for signal in SIGNALS] if for_vote else [*OWNERS, *of_parts]
     for owner in owners:
-        if owner in LANE_OWNERS and owner not in of_lanes and not for_vote:
+        if owner in PART_OWNERS and owner not in of_parts and not for_vote:
             had = "no servo actuators" if owner.startswith("actuator") else "one computer"
             raise BadInput(f"--signals {owner}: the flight had {had}")
         if owner not in accepted:
             raise BadInput(f"--signals: unknown {quoted(owner)}, {choices(owner, accepted, 'rig signals')}")
     wanted = chosen(table.rows, owners or accepted, _FOR_VOTE if for_vote else ())
-    return [*wanted, *(chosen_lanes(table, owners) if of_lanes else ())]
+    return [*wanted, *(chosen_of_parts(table, owners) if of_parts else ())]
 
 
 def _values(table: Table, column: Column, for_vote: bool) -> NDArray[Any]:

@@ -36,7 +36,7 @@ def info(path: Path | str) -> dict[str, Any]:
         "duration_s": log.frames / log.rate_hz,
         "last_frame": log.last_frame if log.frames else None,
         "events": dict(log.events.most_common()),
-        "topics": {topic.name: log.messages[topic.name] for topic in topics(log.lanes)},
+        "topics": {topic.name: log.messages[topic.name] for topic in topics(log.parts)},
         "result": log.result,
         "attachments": {name: len(data) for name, data in log.attachments.items()},
         "health": _health(log),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rig.core.blocks import in_blocks, scratch
 from rig.core.event import Event
-from rig.core.frame import FLAT, LaneParts, Table, new_block
+from rig.core.frame import FLAT, RowParts, Table, new_block
 from rig.log.scan import About, iter_parts
 
 HELD_BYTES: Final = 128 * 1024 * 1024  # of the rows of a log that is decoded once; of a longer one as often as asked
@@ -28,7 +28,7 @@ def iter_blocks(path: Path, about: About, events: list[Event] | None = None) -> 
     def arrays() -> Iterator[tuple[Any, Any, Any]]:
         for part in iter_parts(path, about):
             noted.extend(part.events)
-            yield part.rows, part.lanes, part.timing
+            yield part.rows, part.beside, part.timing
 
     yield from (Table(*block) for block in in_blocks(arrays()))
 
@@ -45,7 +45,7 @@ class LogFile:
     events: list[Event]
     frames: int
     complete: bool  # the frames' numbers count from 0 on
-    lanes: LaneParts  # what its rows of lanes have
+    parts: RowParts  # of the second row, those that it has
     _held: list[Table] | None = field(default=None)  # all its blocks; None: they are too long for that
 
     @classmethod
@@ -58,7 +58,7 @@ class LogFile:
             frames += len(block)
             held = None if held is None or frames * FLAT.itemsize > HELD_BYTES else [*held, block]
         said = about.metadata, about.result, about.attachments
-        return cls(Path(path), about.rate_hz, *said, events, frames, complete, about.lanes, held)
+        return cls(Path(path), about.rate_hz, *said, events, frames, complete, about.parts, held)
 
     def table(self, fields: Sequence[str]) -> Table:
         """Return all frames at once; of a long log some ``fields`` of FLAT with servos and lanes, from a scratch file.

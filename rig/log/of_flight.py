@@ -41,7 +41,7 @@ def new_log(
             with suppress(FileExistsError):  # another flight was faster
                 attached = [("scenario.toml", text.encode())]
                 described = {**metadata(scenario), **(about or {})}
-                return LogWriter(path, scenario.rate_hz, described, attached, new=True, lanes=scenario.lane_parts)
+                return LogWriter(path, scenario.rate_hz, described, attached, new=True, parts=scenario.row_parts)
     raise RigError(f"{out}: no free name for a log")
 
 

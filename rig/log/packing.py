@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.errors import RigError
-from rig.core.frame import FLAT, FLIGHT_INDEX, Block, LanePart, LaneParts, Table
+from rig.core.frame import FLAT, FLIGHT_INDEX, Block, RowPart, RowParts, Table
 from rig.core.kernels import kernel
-from rig.log.chunk_layout import FRAMES, LANES, POSES, Moves
+from rig.log.chunk_layout import FRAMES, PARTS, POSES, Moves
 from rig.log.records import DERIVED, TIMES, WIRE, place
 from rig.log.schema import MESSAGES, POSE_EVERY
 
@@ -26,21 +26,21 @@ class Plan(NamedTuple):
     moves: dict[str, Moves]  # by source, into the records of frames
     begin: int  # of the poses
     posed: Moves
-    lanes: dict[LanePart, tuple[int, dict[str, Moves]]]  # behind the poses: where each part begins, and its moves
+    parts: dict[RowPart, tuple[int, dict[str, Moves]]]  # behind the poses: where each part begins, and its moves
 
 
 @lru_cache(maxsize=4)  # all chunks of a flight are of one length but the last
-def plan(frames: int, lanes: LaneParts = ()) -> Plan:
-    """Return the plan of chunks of ``frames`` frames, with these parts of lanes."""
+def plan(frames: int, parts: RowParts = ()) -> Plan:
+    """Return the plan of chunks of ``frames`` frames, with these parts of the second row."""
     poses = len(range(0, frames, POSE_EVERY))
     records, posed = FRAMES.blank(frames), POSES.blank(poses)
     moves = {source: FRAMES.moves(source, frames) for source in ("frame", "timing", "times")}
-    blank, of_lanes = np.concatenate([records, posed]), {}
-    for part in lanes:
+    blank, of_parts = np.concatenate([records, posed]), {}
+    for part in parts:
         sources = (part, "frame", "times")
-        of_lanes[part] = len(blank), {source: LANES[part].moves(source, frames) for source in sources}
-        blank = np.concatenate([blank, LANES[part].blank(frames)])
-    return Plan(blank, moves, len(records), POSES.moves("derived", poses), of_lanes)
+        of_parts[part] = len(blank), {source: PARTS[part].moves(source, frames) for source in sources}
+        blank = np.concatenate([blank, PARTS[part].blank(frames)])
+    return Plan(blank, moves, len(records), POSES.moves("derived", poses), of_parts)
 
 
 @kernel
@@ -110,7 +110,7 @@ def _refuse_large(rows: Block) -> None:
         raise RigError(f"frames {rows['frame'][0]} to {rows['frame'][-1]}: {named} above 127 cannot be logged")
 
 
-def pack(table: Table, times: NDArray[np.uint64], out: NDArray[np.uint8], parts: LaneParts = ()) -> None:
+def pack(table: Table, times: NDArray[np.uint64], out: NDArray[np.uint8], parts: RowParts = ()) -> None:
     """Fill ``out``, which was the plan's ``blank``, with the records of the frames; ``times`` in ns.
 
     parts : that the log has.  RigError when a one-byte field is above 127.
@@ -124,7 +124,7 @@ def pack(table: Table, times: NDArray[np.uint64], out: NDArray[np.uint8], parts:
     with np.errstate(all="ignore"):  # for interpreted kernels: a flight that ends not finite is logged as it is
         derive(rows, times, derived)
     move(_bytes(derived), out[made.begin :], *made.posed)
-    for part, (begin, moves) in made.lanes.items():
+    for part, (begin, moves) in made.parts.items():
         for name, source in ((part, table.part(part)), ("frame", rows), ("times", times.view(TIMES))):
             move(_bytes(source), out[begin:], *moves[name])
 

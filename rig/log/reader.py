@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rig.core.blocks import cuts
 from rig.core.errors import BadInput, BadLog
 from rig.core.event import Event
-from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, Table, lane_rows, links
-from rig.core.renamed import data_now
+from rig.core.frame import DISCRETE_INDEX, FLAT, INDEX, TIMING, Block, Table, links, second_rows
+from rig.core.renamed import ATTRIBUTES, data_now, now_called
 from rig.core.text import choices, quoted
 from rig.log.scan import About, iter_parts
 
@@ -56,8 +56,8 @@ class DiscreteArrays:
     level: NDArray[np.uint8]  # (frames,) channels in use
 
 
-class Lanes(np.ndarray[Any, np.dtype[Any]]):
-    """Rows of lanes with ``link``, (n, 4, 4) of LINK: the messages of each computer at each other computer."""
+class Parts(np.ndarray[Any, np.dtype[Any]]):
+    """Second rows with ``link``, (n, 4, 4) of LINK: the messages of each computer at each other computer."""
 
     def __getitem__(self, key: Any) -> Any:
         """Return what any array has; ``link`` is made of the computers' records."""
@@ -80,18 +80,26 @@ class Log:
     result: dict[str, str] | None  # end of the flight; None: it has no regular end
     attachments: dict[str, bytes]  # attached files by name; the first is the scenario
     # (frames,) rows of servos, ``servo`` (3,), and of computers, ``computer`` (4,), ``link`` (4, 4) receiver by sender.
-    lanes: NDArray[Any] | None = None
+    parts: NDArray[Any] | None = None
 
     @classmethod
     def read(cls, path: Path | str) -> Self:
         """Read the flight at ``path``, as ``rig.read_log``."""
         about = About()
-        parts = [(part.rows, part.timing, part.events, part.lanes) for part in iter_parts(Path(path), about)]
-        rows, timing = _joined([part[0] for part in parts], FLAT), _joined([part[1] for part in parts], TIMING)
-        events = [event for part in parts for event in part[2]]
-        moved = [part[3] for part in parts if part[3] is not None]
-        lanes = _joined(moved, lane_rows(0, about.lanes).dtype).view(Lanes) if about.lanes else None
-        return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments, lanes)
+        chunks = [(part.rows, part.timing, part.events, part.beside) for part in iter_parts(Path(path), about)]
+        rows, timing = _joined([chunk[0] for chunk in chunks], FLAT), _joined([chunk[1] for chunk in chunks], TIMING)
+        events = [event for chunk in chunks for event in chunk[2]]
+        second = [chunk[3] for chunk in chunks if chunk[3] is not None]
+        parts = _joined(second, second_rows(0, about.parts).dtype).view(Parts) if about.parts else None
+        return cls(about.rate_hz, rows, timing, events, about.metadata, about.result, about.attachments, parts)
+
+    if not TYPE_CHECKING:  # to which any name would be known
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise AttributeError; of an old name its line is the present one."""
+            if name in ATTRIBUTES:
+                raise AttributeError(now_called(f"Log.{name}", f"Log.{ATTRIBUTES[name]}"))
+            return object.__getattribute__(self, name)
 
     @property
     def scenario_text(self) -> str | None:
@@ -102,7 +110,7 @@ class Log:
     @property
     def table(self) -> Table:
         """All frames with the rows of servos and computers."""
-        return Table(self.rows, self.lanes, self.timing)
+        return Table(self.rows, self.parts, self.timing)
 
     @property
     def frames(self) -> int:

@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from rig.core.frame import FLAT, LANE_PARTS, TIMING
+from rig.core.frame import FLAT, ROW_PARTS, TIMING
 from rig.log.schema import ALL_TOPICS, DOUBLE, FIXED32, FLOAT, PART_OF, POSE_TOPICS, Field, Topic
 
 WORLD: Final = "world"
@@ -98,7 +98,7 @@ def _element(topic: Topic, field: Field) -> Value:
     if topic.message == "rig.Timing":
         return _of("timing", TIMING, field.source)
     if (part := PART_OF.get(topic)) is not None:
-        of = LANE_PARTS[part].base
+        of = ROW_PARTS[part].base
         item, *at = topic.at(field)
         shape = place(of, field.source)[0].shape
         value = _of(part, of, field.source, int(np.ravel_multi_index(at, shape)) if shape else 0)

@@ -24,7 +24,7 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.core.errors import BadLog
 from rig.core.files import open_regular, replaced, reported
-from rig.core.frame import LaneParts
+from rig.core.frame import RowParts
 from rig.core.renamed import MESSAGES as MESSAGES_NOW
 from rig.core.renamed import TOPICS
 from rig.core.text import quoted
@@ -35,11 +35,11 @@ from rig.log.mcap_messages import RECORD_LIMIT
 from rig.log.schema import (
     ALL_TOPICS,
     BY_TOPIC,
-    LANE_MESSAGES,
-    LANE_TOPICS,
     MESSAGES,
     MESSAGES_SINCE,
     OLDEST,
+    PART_MESSAGES,
+    PART_TOPICS,
     RESULT,
     RIG,
     SCHEMA_VERSION,
@@ -64,7 +64,7 @@ class About:
     result: dict[str, str] | None = None
     attachments: dict[str, bytes] = field(default_factory=dict)
     others: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records of other names
-    lanes: LaneParts = ()  # of servo actuators, of several computers
+    parts: RowParts = ()  # of servo actuators, of several computers
 
     @property
     def rate_hz(self) -> float:
@@ -256,12 +256,12 @@ class _Descriptions:
             newest, by_topic = version == SCHEMA_VERSION, version >= BY_TOPIC
             fields_by_message: dict[str, tuple[Field, ...]] = {}
             named = {channel.topic for channel in self._channels.values()} if by_topic else set[str]()
-            about.lanes = tuple(part for part, topics in LANE_TOPICS.items() if topics[0].name in named)
-            for ours in channels(about.lanes):
+            about.parts = tuple(part for part, topics in PART_TOPICS.items() if topics[0].name in named)
+            for ours in channels(about.parts):
                 name = ALL_TOPICS[ours.id - 1].message
                 fields = self._fields(self._schema(ours), name, newest)
                 fields_by_message.setdefault(name, fields)
-            self._layout = layout_of(about.lanes) if by_topic else Layout(fields_by_message, rowwise=True)
+            self._layout = layout_of(about.parts) if by_topic else Layout(fields_by_message, rowwise=True)
         return self._layout
 
     def _foreign(self) -> str:
@@ -287,7 +287,7 @@ class _Descriptions:
         Those may be of another release: we write the fields that we know.
         """
         fields: tuple[Field, ...] | None = ()
-        known = {**MESSAGES, **LANE_MESSAGES}
+        known = {**MESSAGES, **PART_MESSAGES}
         if name in known:
             described = FileDescriptorSet.FromString(schema.data)
             if described == descriptors(name):
@@ -320,7 +320,7 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
     log, lost = contents(path), 0
     if log.damaged is not None:
         _check_mendable(path, log)
-        with replaced(out) as draft, reported(out), closing(Container(draft, opening(log.lanes))) as file:
+        with replaced(out) as draft, reported(out), closing(Container(draft, opening(log.parts))) as file:
             _copy(path, file, log)
         lost = path.stat().st_size - log.damaged.at
     last_s = log.last_frame / log.rate_hz

@@ -32,17 +32,17 @@ from rig.core.frame import (
     COMPUTER_FIELDS,
     COMPUTERS,
     DISCRETES,
-    LANE_FIELDS,
     LINKS,
     MOVED,
+    SERVO_FIELDS,
     SIGNALS,
     TIMING,
-    LanePart,
-    LaneParts,
+    RowPart,
+    RowParts,
     UnitStatus,
 )
 from rig.core.frame.fields import FIELD, Kind, Place, elements, places
-from rig.core.frame.fields import Field as LaneField
+from rig.core.frame.fields import Field as FrameField
 from rig.core.renamed import ENUMS, field_now
 from rig.log.container import Opening
 
@@ -108,14 +108,14 @@ MESSAGES: Final = {
 }
 
 
-def _own(fields: Iterable[LaneField]) -> Iterator[Field]:
+def _own(fields: Iterable[FrameField]) -> Iterator[Field]:
     """Yield the numbers of the message of one surface or computer."""
     for field in fields:
         for name, index in elements(field):
             yield Field(name, _WRITTEN[field.kind], field.name, index, field.enum)
 
 
-def _of_links(fields: Iterable[LaneField]) -> Iterator[Field]:
+def _of_links(fields: Iterable[FrameField]) -> Iterator[Field]:
     """Yield the numbers of all links, by sender and receiver, which has them in its record."""
     for field in fields:
         for sender, receiver in LINKS:
@@ -123,8 +123,8 @@ def _of_links(fields: Iterable[LaneField]) -> Iterator[Field]:
             yield Field(name, _WRITTEN[field.kind], field.name, (receiver, sender), field.enum)
 
 
-LANE_MESSAGES: Final = {
-    "rig.Actuator": tuple(_own(LANE_FIELDS)),
+PART_MESSAGES: Final = {
+    "rig.Actuator": tuple(_own(SERVO_FIELDS)),
     "rig.Computer": tuple(_own(field for field in COMPUTER_FIELDS if field.message == "rig.Computer")),
     "rig.Ccdl": tuple(_of_links(field for field in COMPUTER_FIELDS if field.message == "rig.Ccdl")),
 }
@@ -147,14 +147,14 @@ TOPICS_OF_ROWS: Final = tuple(topic for topic in FRAME_TOPICS if topic.message i
 EVENTS: Final = Topic("/events", "foxglove.Log")
 TOPICS: Final = (*FRAME_TOPICS, *POSE_TOPICS, EVENTS)
 # In the log of a flight with servo actuators, or several computers, too: one message of each in every frame.
-LANE_TOPICS: Final[dict[LanePart, tuple[Topic, ...]]] = {
+PART_TOPICS: Final[dict[RowPart, tuple[Topic, ...]]] = {
     "servo": tuple(Topic(f"/actuator/{name}", "rig.Actuator", i) for i, name in enumerate(MOVED)),
     "computer": (
         *(Topic(f"/computer/{name}", "rig.Computer", i) for i, name in enumerate(COMPUTERS)),
         Topic("/ccdl", "rig.Ccdl"),  # of all computers: the first of an index is the receiver
     ),
 }
-PART_OF: Final[dict[Topic, LanePart]] = {topic: part for part, topics in LANE_TOPICS.items() for topic in topics}
+PART_OF: Final[dict[Topic, RowPart]] = {topic: part for part, topics in PART_TOPICS.items() for topic in topics}
 ALL_TOPICS: Final = (*TOPICS, *PART_OF)
 RIG: Final = "rig"  # names of the metadata records
 RESULT: Final = "result"
@@ -169,8 +169,8 @@ LEVELS: Final[dict[Severity, Any]] = {
 @cache
 def descriptors(name: str) -> FileDescriptorSet:
     """Return the descriptor of a message with all that it depends on, as the log embeds it."""
-    if name in MESSAGES or name in LANE_MESSAGES:
-        return FileDescriptorSet(file=[_file(name, {**MESSAGES, **LANE_MESSAGES}[name])])
+    if name in MESSAGES or name in PART_MESSAGES:
+        return FileDescriptorSet(file=[_file(name, {**MESSAGES, **PART_MESSAGES}[name])])
     files: dict[str, FileDescriptorProto] = {}
 
     def collect(file: Any) -> None:
@@ -233,26 +233,26 @@ def _enum_name(enum: type[IntEnum]) -> str:
 
 
 @cache
-def topics(lanes: LaneParts = ()) -> tuple[Topic, ...]:
-    """Return the topics of a log with these parts of lanes."""
-    return (*TOPICS, *(topic for part in lanes for topic in LANE_TOPICS[part]))
+def topics(parts: RowParts = ()) -> tuple[Topic, ...]:
+    """Return the topics of a log with these parts of the second row."""
+    return (*TOPICS, *(topic for part in parts for topic in PART_TOPICS[part]))
 
 
 @cache
-def opening(lanes: LaneParts = ()) -> Opening:
-    """Return schema and channel records, the same in every file with these parts of lanes."""
+def opening(parts: RowParts = ()) -> Opening:
+    """Return schema and channel records, the same in every file with these parts of the second row."""
     schemas = [
         Schema(i, descriptors(name).SerializeToString(), SchemaEncoding.Protobuf, name)
-        for i, name in enumerate(_schema_names(lanes), 1)
+        for i, name in enumerate(_schema_names(parts), 1)
     ]
-    return Opening.of(schemas, channels(lanes))
+    return Opening.of(schemas, channels(parts))
 
 
-def _schema_names(lanes: LaneParts) -> list[str]:
-    return list(dict.fromkeys(topic.message for topic in topics(lanes)))
+def _schema_names(parts: RowParts) -> list[str]:
+    return list(dict.fromkeys(topic.message for topic in topics(parts)))
 
 
-def channels(lanes: LaneParts = ()) -> list[Channel]:
+def channels(parts: RowParts = ()) -> list[Channel]:
     """Return the channel records, ids by the place in ALL_TOPICS, from 1; a signal's has its unit, symbol and range."""
     metadata = {
         signal.topic: {
@@ -264,7 +264,7 @@ def channels(lanes: LaneParts = ()) -> list[Channel]:
         }
         for signal in SIGNALS
     }
-    schema_ids = {name: i for i, name in enumerate(_schema_names(lanes), 1)}
+    schema_ids = {name: i for i, name in enumerate(_schema_names(parts), 1)}
     return [
         Channel(
             ALL_TOPICS.index(topic) + 1,
@@ -273,5 +273,5 @@ def channels(lanes: LaneParts = ()) -> list[Channel]:
             metadata.get(topic.name, {}),
             schema_ids[topic.message],
         )
-        for topic in topics(lanes)
+        for topic in topics(parts)
     ]

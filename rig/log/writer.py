@@ -14,7 +14,7 @@ from zlib_ng.zlib_ng import crc32
 
 from rig.core.errors import BadInput, RigError
 from rig.core.event import Event
-from rig.core.frame import TIMING, LaneParts, Table, lane_rows, new_block
+from rig.core.frame import TIMING, RowParts, Table, new_block, second_rows
 from rig.log.chunk_layout import event_runs, frame_runs, log_times, row_bytes
 from rig.log.container import Container, Packed, Run
 from rig.log.packing import pack, plan
@@ -38,7 +38,7 @@ class LogWriter:
     file first) must be enough to fly it again.  ``chunk_frames``: the most in a chunk, a second's if not given;
     with few events never more than CHUNK_BYTES.  ``new``: FileExistsError if there is a file at ``path``; without it
     the file is replaced.
-    ``lanes``: the parts of the flight's rows of lanes, which are given too.
+    ``parts``: of the second row, those that the flight has; its rows are given too.
     ``draft_of``: the file that ``path`` will be renamed to; messages name it.
     BadInput when the file cannot be made, RigError: a full disk.
     """
@@ -53,22 +53,22 @@ class LogWriter:
         *,
         new: bool = False,
         draft_of: Path | None = None,
-        lanes: LaneParts = (),
+        parts: RowParts = (),
     ) -> None:
         self.path = Path(path)
         self._named = draft_of or self.path
         self._draft = draft_of is not None
         self._rate_hz = rate_hz
-        most = (CHUNK_BYTES - EVENT_BYTES) // row_bytes(lanes)
+        most = (CHUNK_BYTES - EVENT_BYTES) // row_bytes(parts)
         self.chunk_frames = max(1, min(chunk_frames or int(rate_hz), most))
-        self._blank_lanes = lane_rows(1, lanes) if lanes else None
-        self._records = plan(self.chunk_frames, lanes).blank.copy()
+        self._blank_beside = second_rows(1, parts) if parts else None
+        self._records = plan(self.chunk_frames, parts).blank.copy()
         self._compressor = zstandard.ZstdCompressor(compression_params=COMPRESSION)
         self._last_time = 0
         self._file: Container | None = None
-        self._fill(Table(new_block(1), self._blank_lanes, np.zeros(1, TIMING)), ())  # compiles before the first frame
+        self._fill(Table(new_block(1), self._blank_beside, np.zeros(1, TIMING)), ())  # compiles before the first frame
         try:
-            self._file = Container(self.path, opening(lanes), new=new)
+            self._file = Container(self.path, opening(parts), new=new)
             about = {"schema_version": str(SCHEMA_VERSION), "rate_hz": repr(float(rate_hz))}
             self._file.metadata(RIG, {**metadata, **about})
             for name, data in attachments:
@@ -91,8 +91,8 @@ class LogWriter:
         timed = 0 if table.timing is None else len(table.timing)
         if timed != len(table):
             raise ValueError(f"{len(table)} rows, {timed} rows of timing")
-        if table.beside is None and self._blank_lanes is not None:
-            table = Table(table.rows, self._blank_lanes[:0], table.timing)
+        if table.beside is None and self._blank_beside is not None:
+            table = Table(table.rows, self._blank_beside[:0], table.timing)
         starts = range(0, len(table), self.chunk_frames) or range(1 if events else 0)
         for start in starts:
             part = table[start : start + self.chunk_frames]
@@ -130,7 +130,7 @@ class LogWriter:
 
     def _fill(self, table: Table, events: Sequence[Event]) -> tuple[Any, list[Run]]:
         """Return the bytes of a chunk, which stay until the next call, and its runs."""
-        times, parts = log_times(table["frame"], self._rate_hz), table.parts if self._blank_lanes is not None else ()
+        times, parts = log_times(table["frame"], self._rate_hz), table.parts if self._blank_beside is not None else ()
         made = plan(len(table), parts)
         if len(self._records) != len(made.blank):
             self._records = made.blank.copy()

@@ -26,7 +26,7 @@ from rig.computer.redundancy.manager_config import refuse_short_wait
 from rig.core.decimals import slack, slack_of_product
 from rig.core.errors import BadInput, RigError
 from rig.core.files import NOT_WHOLE, bundled, is_file, is_folder
-from rig.core.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, LanePart, LaneParts
+from rig.core.frame import CHANNELS, COMPUTERS, DISCRETES, MOST_FAULTS, SIGNALS, RowPart, RowParts
 from rig.core.renamed import SCENARIOS, now_called
 from rig.core.settings import Settings, build, read_toml
 from rig.core.text import nearest, quoted
@@ -166,9 +166,9 @@ class Scenario(Settings):
         return self.actuators.model == "servo"
 
     @property
-    def lane_parts(self) -> LaneParts:
+    def row_parts(self) -> RowParts:
         """Parts of the rows of a flight, beside those of the frame."""
-        there: dict[LanePart, bool] = {"servo": self.has_servos, "computer": self.computers.count > 1}
+        there: dict[RowPart, bool] = {"servo": self.has_servos, "computer": self.computers.count > 1}
         return tuple(part for part, is_there in there.items() if is_there)
 
     @property

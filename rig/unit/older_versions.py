@@ -23,7 +23,7 @@ from rig.unit.ready_message import REBUILD, UnitStopped
 from rig.unit.unit_records import INTERFACE, MORE_THAN_HALF, SINCE, Interface
 
 _NAMES: Final = [signal.name for signal in SIGNALS]
-Unasked = Mapping[str, NDArray[Any]]  # by field: (S,) values that nobody asked for
+Unasked = Mapping[str, NDArray[Any]]  # by field: (S,) values that were not asked for
 
 
 class _Switch(NamedTuple):

@@ -78,7 +78,7 @@ class SocketLink:
             return 0
         except ConnectionResetError:  # comes before what it has still sent
             return self.receive(into, until_s)
-        except OSError as error:  # nobody listens there now
+        except OSError as error:  # no program listens there now
             self._note(error)
             self._require(LOOK_S)
             return 0
@@ -90,8 +90,8 @@ class SocketLink:
 
     def _note(self, error: OSError) -> None:
         """Store the reason of a lost message; the system reports an unused port by ICMP, one message later."""
-        nobody = f"no program listens at {self.peer} (port unreachable)"
-        self.trouble = nobody if isinstance(error, ConnectionRefusedError) else f"{self.peer}: {error.strerror}"
+        unused = f"no program listens at {self.peer} (port unreachable)"
+        self.trouble = unused if isinstance(error, ConnectionRefusedError) else f"{self.peer}: {error.strerror}"
 
     def _require(self, wait_s: float = 0.0) -> None:
         ended = None if self.process is None else self.process.how_it_ended(wait_s)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from shlex import quote
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from rig.core.frame import End
+from rig.core.ending import why_lost
 from rig.core.units.quantities import seconds
 from rig.flight.conclusion_rows import LOST, NOT_SCORED, SURVIVED, Conclusion, Row
 from rig.scenario.scenario import Scenario
@@ -29,8 +29,6 @@ from rig.world.faults.places import site
 
 if TYPE_CHECKING:
     from rig.flight.flight_result import Flight
-
-_BEYOND: Final = "departure "  # how the end of a flight begins that left a limit
 
 
 def conclusion(scenario: Scenario, score: Score) -> Conclusion:
@@ -82,15 +80,6 @@ def _summary(context: Context) -> str:
     planned = context.scenario.frames
     of = f" of {planned / context.rate_hz:g} s" if flight.frames < planned else ""
     return f"{flight.duration_s:g} s{of} flown, {counts}"
-
-
-def why_lost(end_reason: str) -> str:
-    """Return why a flight was lost, by its End: ``angle of attack beyond its limit``."""
-    if end_reason == End.NOT_FINITE.label:
-        return "its state was no longer a finite number"
-    if end_reason.startswith(_BEYOND):
-        return f"{end_reason.removeprefix(_BEYOND)} beyond its limit"
-    return end_reason
 
 
 def _detected(context: Context) -> str:

@@ -43,9 +43,9 @@ def _episode(record: np.void, p: NDArray[np.void], failures: NDArray[Any]) -> Ep
     within = (record["first"] <= failures["frame"]) & (failures["frame"] <= record["last"])
     within &= failures["signal"] == record["signal"]
     by_rule = [f for f in failures[within] if DecidedBy(f["decided_by"]).name.lower() in TIE_BREAKS]
-    verdict: Literal["right", "wrong", "open"] = "open"
+    verdict: Literal["correct", "wrong", "open"] = "open"
     if by_rule:
-        verdict = "right" if all(f["cause"] in _RIGHT for f in by_rule) else "wrong"
+        verdict = "correct" if all(f["cause"] in _RIGHT for f in by_rule) else "wrong"
     return Episode(
         signal=SIGNALS[record["signal"]].name,
         pattern=pattern.label,
@@ -83,7 +83,7 @@ def tally(listed: Sequence[Episode]) -> dict[str, RuleScore]:
         if episode.decided_by in scores:
             score = scores[episode.decided_by]
             score.answered += 1
-            score.right += episode.verdict == "right"
+            score.correct += episode.verdict == "correct"
             score.wrong += episode.verdict == "wrong"
             score.open += episode.verdict == "open"
     return scores

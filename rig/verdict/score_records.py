@@ -48,9 +48,9 @@ class Window:
     latent_before: int  # channels with a fault that were not failed
     above_threshold_s: float  # for which the vote was off by more than its threshold
     error_max: float  # of the vote, unit of the signal
-    kept: bool  # the vote: within its threshold at the end, and before but for a monitor's time
+    correct: bool  # the vote: within its threshold at the end, and before but for a monitor's time
     lost_s: float  # at level 0
-    wrong_vote_first: bool  # whether the vote was not kept before the signal was declared lost
+    wrong_vote_first: bool  # whether the vote was not correct before the signal was declared lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ class Episode:
     asked: tuple[str, ...]  # the tie-break rules that were asked in any of its frames
     decided_by: str  # whose answer stood in its last frame; unresolved if none
     failed: tuple[int, ...]  # channels that the rule failed
-    verdict: Literal["right", "wrong", "open"]  # right: no healthy one was failed wrongly; open: none was
+    verdict: Literal["correct", "wrong", "open"]  # correct: no healthy one was failed wrongly; open: none was
     last: Any = field(default=None, compare=False, repr=False)  # EPISODE, with its last frame; not in JSON
 
 
@@ -169,7 +169,7 @@ class RuleScore:
 
     asked: int = 0
     answered: int = 0
-    right: int = 0
+    correct: int = 0
     wrong: int = 0
     open: int = 0  # answered, and no channel was isolated before the split ended
 

@@ -64,7 +64,7 @@ FAULTS: Final = (
 TIE_BREAKS: Final = (
     *(Column("pattern"), Column("decided_by", page="decided by"), Column("asked", worth=3)),
     Column("answered", worth=5, page="decided"),
-    *(Column("correct", "right"), Column("wrong"), Column("open", worth=4)),
+    *(Column("correct"), Column("wrong"), Column("open", worth=4)),
 )
 ISOLATIONS: Final = (
     *(Column("isolation", "name"), Column("channel", lambda r: place_label(r.of.signal, [r.of.channel]))),

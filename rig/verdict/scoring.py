@@ -141,7 +141,7 @@ def _faults(outcome: FlightOutcome) -> list[FaultScore]:
         fault, (onset, exceeded, failed) = faults[number], (_frame(record[name]) for name in _FRAMES)
         executed = bool(record["executed"])
         window, run = _window(outcome, record), int(record["longest_run"])
-        word = outcome.word(record, window.kept if window is not None and takes_back else None)
+        word = outcome.word(record, window.correct if window is not None and takes_back else None)
         of_its_own = fault_word(executed, failed is not None, exceeded is not None)  # whatever became of healthy ones
         scored.append(
             FaultScore(
@@ -244,7 +244,7 @@ def _window(outcome: FlightOutcome, record: np.void) -> Window | None:
         latent_before=int(spans[0]["latent"]),
         above_threshold_s=float(above / rate_hz),
         error_max=float(spans["error_max"].max()),
-        kept=not last["off"] and above <= allowed,
+        correct=not last["off"] and above <= allowed,
         lost_s=float(spans["lost"].sum() / rate_hz),
         wrong_vote_first=_above_before_loss(spans) > allowed,
     )

@@ -18,7 +18,7 @@ from rig.verdict.signal_kernels import NEVER
 from rig.verdict.words import Cause
 
 MONITORS: Final = 100  # who found a fault: from here on an ActuatorMonitor, before it the comparison or a DecidedBy;
-VALVE: Final = MONITORS + len(ActuatorMonitor)  # or the monitor of the shut-off valve, which fails nobody
+VALVE: Final = MONITORS + len(ActuatorMonitor)  # or the monitor of the shut-off valve, which fails no channel
 SERVO: Final = np.dtype(
     [
         ("acted_at", "i8", (CHANNELS,)),  # last frame in which a fault acted on the channel,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.lanes.health import shut_off
-from rig.core.frame import CHANNELS, COMPUTERS, MOVED, Table, lane_rows, new_block
+from rig.core.frame import CHANNELS, COMPUTERS, MOVED, Table, new_block, second_rows
 from rig.flight.servo_events import monitor_name
 from rig.flight.stages import actuator_monitors
 from rig.scenario.scenario import Scenario
@@ -48,7 +48,7 @@ class ActuatorOutcome:
             linger=np.array([self.persistence + MARGIN]),
         )
         self._of_unit = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)  # its channel
-        add_servos(Table(new_block(0), lane_rows(0)), self.records)  # compiles before the first frame
+        add_servos(Table(new_block(0), second_rows(0)), self.records)  # compiles before the first frame
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
         """Return the outcome of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.core.ending import WHOLE
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS, Block, End
 from rig.core.units.angles import differences
@@ -65,7 +66,7 @@ def flight_score(scenario: Scenario, flight: np.void, measured: Transients | Non
 def _reason(end: End, frames: int, scenario: Scenario) -> str:
     if end != End.FLYING:
         return end.label
-    return "duration flown" if frames >= scenario.frames else "interrupted"
+    return WHOLE if frames >= scenario.frames else "interrupted"
 
 
 class Apart(NamedTuple):

@@ -35,14 +35,14 @@ PUBLIC: Final[dict[str, dict[str, str]]] = {
         "not executed": "not executed",
     },
     "campaign": {
-        "isolated": "right",
+        "isolated": "correct",
         "wrong channel": "wrong",
         "missed": "none",
         "no effect": "none",
         "not executed": "none",
     },
     "injection": {
-        "isolated": "right",
+        "isolated": "correct",
         "wrong channel": "wrong",
         "missed": "missed",
         "no effect": "missed",

@@ -1,7 +1,7 @@
 """Kind ``kernel``: random samples through all five managers.
 
 While a valid sample in range exists the vote is finite and within the range of such samples.  Three exceptions are
-the manager's own rules: nobody answers a split (the last vote is held, moved by the ranks), a
+the manager's own rules: no rule settles a split (the last vote is held, moved by the ranks), a
 fade, and a last channel against which its monitor or the reference speaks (the reference votes, else the last vote).
 """
 

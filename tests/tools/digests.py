@@ -83,7 +83,7 @@ def of_scenarios(seconds: float | None, only: list[str]) -> int:
         usual = next(iter(found.values()))
         others = [how for how, digest in found.items() if digest != usual]
         wrong += bool(others)
-        beside = ", ".join(given.lane_parts) or "rows alone"
+        beside = ", ".join(given.row_parts) or "rows alone"
         said = f"{len(others)} of {len(found)} OTHERS: {', '.join(others)}" if others else f"{len(found)} ways alike"
         print(f"{path.stem:42} {usual[:16]} {said} ({given.frames} frames, {beside})", flush=True)
     print(f"{len(paths) - wrong} of {len(paths)} scenarios have one digest")
@@ -102,7 +102,7 @@ def of_campaigns(runs: int, only: list[str]) -> int:
             pairs = [again(campaign, k, folder / "logs") for k in range(flown.done)]
         same = sum(flight.digest == digest for flight, digest in pairs)
         wrong += same != runs
-        beside = {part for flight, _ in pairs for part in flight.scenario.lane_parts}
+        beside = {part for flight, _ in pairs for part in flight.scenario.row_parts}
         said = "the table's digest" if same == runs else "OTHER DIGESTS"
         print(f"{path.stem:20} {same} of {runs}: {said} ({', '.join(sorted(beside)) or 'rows alone'})", flush=True)
     print(f"{len(paths) - wrong} of {len(paths)} campaigns are flown again to the digests of their tables")

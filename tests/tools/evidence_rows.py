@@ -155,7 +155,7 @@ def healthy() -> Iterator[Try]:
                     turbulence, manual = ("none", "light", "moderate")[i % 3], i % 2 == 1
                     more = (f"turbulence={turbulence}", MANUAL if manual else STEPS)
                     engaged = f"pilot.autopilot_engaged={json.dumps(not manual)}"
-                    hands_off_s, held_s = 60.0, 280.0  # nobody flies on after the manoeuvres on the sticks
+                    hands_off_s, held_s = 60.0, 280.0  # the flight ends after the manoeuvres on the sticks
                     duration_s = hands_off_s if manual else held_s
                     yield flight(f"level {level}", f"{name} {i}", aircraft, duration_s, faults, *more, engaged)
 
@@ -267,7 +267,7 @@ def whole_boxes() -> Iterator[Try]:
 
 
 def bursts() -> Iterator[Try]:
-    """Twelve bursts of one channel, 2 s apart, each shorter than the persistence: nobody is to be failed."""
+    """Twelve bursts of one channel, 2 s apart, each shorter than the persistence: no channel is to be failed."""
     for name in SIGNAL_NAMES:
         for filter_s in (0.0, 0.1):
             own = [f"redundancy.signals.{name}.{key}" for key in (f"filter_s={filter_s}", "persistence=8")]

@@ -6,7 +6,7 @@ python tests/tools/outside.py [--every] [--if-possible]
 --if-possible  what cannot be installed is said in one line and is no failure; without it the exit code is 1
 
 Chromium, a software Vulkan driver, GNAT and SCRAM are installed from Debian's packages, which takes root, Foxglove's
-packages by npm and pip into the environment, .venv: nobody else's files lie among ours.  A test says what it needs by
+packages by npm and pip into the environment, .venv: no other files lie among ours.  A test says what it needs by
 ``@outside.needs("chromium")``.
 """
 

@@ -126,7 +126,7 @@ CLASSES: Final = (
 _CHOSEN: Final = ("vanes", "blocked", "channels")  # keys with defaults that name the place of a fault
 # Members that the rig's stages use and that may change.
 HIDDEN: Final = frozenset(
-    {"armed", "trust", "trusted", "streams", "lane_parts", "has_servos", "steps_per_frame", "read"}
+    {"armed", "trust", "trusted", "streams", "row_parts", "has_servos", "steps_per_frame", "read"}
 )
 
 

@@ -215,7 +215,7 @@ def settled(pattern: str, *by: str) -> list[Wanted]:
 
 LAST = "last channel: {}".format
 FREEZE = "freeze: {}".format
-NOBODY = [f"{pattern} by nobody" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")]
+NO_RULE = [f"{pattern} by no rule" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")]
 FILTERED = [f"{pattern} settled by reference" for pattern in ("2:2", "1:1:1:1", "1:1:1", "1:1")]
 # Requirement, what its signals must reach in turn, and how samples are missing in it (all ways if not given).
 PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
@@ -238,7 +238,7 @@ PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
     ("1:1:1:1 settled by extremes", settled("1:1:1:1", "extremes"), ()),
     ("1:1:1 settled by in-line monitors and the reference", settled("1:1:1", "ilm", "reference"), ()),
     ("1:1:1 settled by the middle", settled("1:1:1", "middle"), ()),
-    ("nobody answers: a fixed mean of the two channels beside the last vote", reached(*NOBODY), ()),
+    ("no rule settles it: a fixed mean of the two channels beside the last vote", reached(*NO_RULE), ()),
     (
         "the shares of that mean are found once, and stay with their channels",
         otherwise(vector_rules.Moved, vector_rules.SharedAgain, vector_rules.SharedByRank),
@@ -279,7 +279,7 @@ PLAIN: list[tuple[str, list[Wanted], Sequence[str]]] = [
 
 # Requirement, of which signals, and what these must reach in turn.
 RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
-    ("a split that nobody answers is given up", ruled, reached("given up")),
+    ("a split that no rule settles is given up", ruled, reached("given up")),
     (
         "an agreeing frame takes off the count what is configured",
         ruled,

@@ -78,7 +78,7 @@ class Learned:
         self.above = np.where(bad, self.above + 1, 0)
         rows = np.arange(len(evidence))
         worst = np.where(self.above >= PERSISTENCE, np.where(usable, evidence, np.inf), -np.inf).argmax(axis=1)
-        alone = usable.sum(axis=1) < 3  # of two, nobody knows which
+        alone = usable.sum(axis=1) < 3  # of two, it is not known which
         fails = (self.above[rows, worst] >= PERSISTENCE) & ~(alone & usable[rows, worst])
         self.failed[rows[fails], worst[fails]] = True  # one a frame
         self.vote[some] = into_range(self.vote[some], self.low[some], self.high[some], self.wraps[some])

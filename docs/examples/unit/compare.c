@@ -250,7 +250,7 @@ static bool come_together(const struct frame *f, params *p)
     return fabs(difference(f->x[f->by[f->n / 2]], low, p)) <= f->threshold;
 }
 
-/* Those who all agree are compared once more by the isolation threshold; without a majority at that scale nobody is
+/* Those who all agree are compared once more by the isolation threshold; without a majority at that scale none is
  * blamed (redundancy.md 'Outliers'). */
 void compare_pattern(struct frame *f, params *p, struct signal *s)
 {

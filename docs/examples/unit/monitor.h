@@ -8,7 +8,7 @@
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
  * boxes.c        LRU failures
- * rules.c        what version 3 of the records tells of a signal, and what becomes of a split that nobody answers
+ * rules.c        what version 3 of the records tells of a signal, and what becomes of a split that no rule settles
  * discretes.c    the voter of the discretes
  *
  * Zhang (2023), whose sections the comments name, and docs/explanation/decisions.md for what the paper leaves open (its headings
@@ -25,7 +25,7 @@
 
 #define PI 3.141592653589793
 #define TURN 6.283185307179586
-#define REFERENCE_MARGIN 1.5 /* reference thresholds that it takes to dispute channels that nobody else disputes */
+#define REFERENCE_MARGIN 1.5 /* reference thresholds that it takes to dispute channels that nothing else disputes */
 
 typedef const struct rig_signal_config params;
 
@@ -208,7 +208,7 @@ bool compare_is_comparable(const struct frame *f, int c, params *p);
 /* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
 double compare_follow(double last, double x, const struct frame *f, params *p);
 
-/* Name the pattern, mark who agrees with nobody, and count for how many frames the pattern has lasted; behind a filter
+/* Name the pattern, mark channels that agree with none, and count for how many frames the pattern has lasted; behind a filter
  * not those in which the samples themselves have come together again. */
 void compare_pattern(struct frame *f, params *p, struct signal *s);
 

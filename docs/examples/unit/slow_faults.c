@@ -7,7 +7,7 @@
 
 #include "monitor.h"
 
-#define NOBODY (-1)
+#define NO_CHANNEL (-1)
 #define CALM 0.5 /* of the limit: what most must be below, or the sums cannot tell who is right */
 
 void slow_open(const struct rig_config *config, int signal, struct slow_faults *l)
@@ -153,12 +153,12 @@ static int watch(const struct frame *f, params *p, struct signal *s)
     struct slow_faults *const l = &s->slow_faults;
     const double limit = l->set->slow_limit;
     if ((limit <= 0.0) || (f->n < 3) || is_split(s->pattern)) {
-        return NOBODY;
+        return NO_CHANNEL;
     }
     const double m = middle(f, s);
     const double most = limit / ((double)p->persistence - 0.5);
     double largest = limit;
-    int worst = NOBODY;
+    int worst = NO_CHANNEL;
     int calm = 0;
     for (int i = 0; i < f->n; i++) {
         const int c = f->order[i];
@@ -172,13 +172,13 @@ static int watch(const struct frame *f, params *p, struct signal *s)
             largest = reached;
         }
     }
-    return ((2 * calm) > f->n) ? worst : NOBODY;
+    return ((2 * calm) > f->n) ? worst : NO_CHANNEL;
 }
 
 void slow_watch(struct frame *f, params *p, struct signal *s)
 {
-    const int slow = (f->decided_by == RIG_DECIDED_BY_COMMON) ? NOBODY : watch(f, p, s);
-    if (slow != NOBODY) {
+    const int slow = (f->decided_by == RIG_DECIDED_BY_COMMON) ? NO_CHANNEL : watch(f, p, s);
+    if (slow != NO_CHANNEL) {
         s->latches.failed[slow] = true;
         f->decided_by = RIG_DECIDED_BY_SLOW;
     }

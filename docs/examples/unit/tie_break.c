@@ -264,7 +264,7 @@ static double hold(const struct frame *f, struct signal *s)
     return between(f->x[split->held_low], f->x[split->held_high], split->held_share);
 }
 
-/* Whether the next frame that nobody decides may begin with this frame's vote; shares that have ended are forgotten. */
+/* Whether the next frame that no rule decides may begin with this frame's vote; shares that have ended are forgotten. */
 void tie_break_keep_basis(const struct frame *f, struct signal *s)
 {
     struct split *const split = &s->split;
@@ -273,7 +273,7 @@ void tie_break_keep_basis(const struct frame *f, struct signal *s)
     split->basis = majority || (f->decided_by == RIG_DECIDED_BY_UNRESOLVED);
 }
 
-/* Ask the tie-break rules in their order, then the rules of rank; hold when nobody answers. */
+/* Ask the tie-break rules in their order, then the rules of rank; hold when no rule settles it. */
 void tie_break_settle(struct frame *f, params *p, struct signal *s)
 {
     bool answered;

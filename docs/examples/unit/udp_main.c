@@ -1,7 +1,7 @@
 /* Makes a process of any unit: its three functions behind a UDP socket.
  *
  *     ./monitor_udp --rig ADDRESS:PORT            says READY to the rig, which waits there; ends when the rig is gone
- *     ./monitor_udp --listen PORT                 waits for a HELLO and answers whoever sent it
+ *     ./monitor_udp --listen PORT                 waits for a HELLO and answers its sender
  *     ./monitor_udp --listen ADDRESS:PORT         the same at one address of this machine
  *
  * One message in, at most one out; no thread, no time limit: the rig alone steps the unit.  HELLO and CONFIG may come
@@ -239,7 +239,7 @@ static int serve(void)
             heard = true;
             handle(&m, &from);
         } else if (size < 0 && errno == ECONNREFUSED) {
-            gone = connected; /* a listener answers whoever asks next */
+            gone = connected; /* a listener answers the next client */
         } else if (size < 0 && errno != EINTR) {
             perror(UNIT_NAME);
             return EXIT_FAILURE;

@@ -12,7 +12,7 @@ from rig.computer.lanes.health import shut_off
 from rig.computer.servo_monitors import watch_rows
 from rig.core.frame import Table
 from rig.flight.stages import actuator_monitors
-from rig.log.columns import LANE_COLUMNS, LaneColumn
+from rig.log.columns import PART_COLUMNS, PartColumn
 from rig.scenario.scenario import Scenario
 from rig.unit.running_unit import UnitUnderTest
 
@@ -31,7 +31,7 @@ class Again:
         self._lanes = LanesAgain(scenario, None if unit is None else "a unit under test") if several else None
         self._watch = WatchAgain(scenario)
         self.outputs = lanes_again.OUTPUTS if several else vote_again.outputs(unit)  # fields of the rows
-        self.lane_columns = [column for column in LANE_COLUMNS if _written(column)]
+        self.part_columns = [column for column in PART_COLUMNS if _written(column)]
 
     def over(self, frames: Table) -> Table:
         """Copy the next ``frames`` with the new output."""
@@ -42,7 +42,7 @@ class Again:
         return self._watch.over(frames)
 
 
-def _written(column: LaneColumn) -> bool:
+def _written(column: PartColumn) -> bool:
     return column.part == "computer" or column.field in WATCHED
 
 

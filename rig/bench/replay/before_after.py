@@ -18,7 +18,7 @@ from rig.core.frame import INDEX, SIGNALS
 from rig.core.renamed import field_now
 from rig.core.text import shorten
 from rig.log import LogFile, foreign
-from rig.log.columns import COLUMNS, LANE_COLUMNS
+from rig.log.columns import COLUMNS, PART_COLUMNS
 from rig.log.info import leaves
 from rig.log.reader import scenario_of
 from rig.log.schema import MESSAGES
@@ -51,7 +51,7 @@ def side(path: Path | str) -> Side:
     if _is_voted(path):
         return _voted(path)
     log = LogFile.open(path)
-    columns = {column.path: column for column in (*COLUMNS, *(lane for lane in LANE_COLUMNS if lane.part in log.lanes))}
+    columns = {column.path: column for column in (*COLUMNS, *(lane for lane in PART_COLUMNS if lane.part in log.parts))}
 
     def blocks() -> Iterator[tuple[NDArray[np.int64], Part]]:
         return ((block["frame"], lambda name, block=block: columns[name].of(block)) for block in log.blocks())

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from rig.bench.replay.compare_flights import Field, compare, joined
 from rig.core.frame import ActuatorMonitor, Block, State, Table
 from rig.core.runs import runs
-from rig.log.columns import COLUMNS, Column, chosen_lanes, label
+from rig.log.columns import COLUMNS, Column, chosen_of_parts, label
 
 FIELDS: Final = (
     *("state", "level", "pattern", "decided_by", "reference_usable", "source"),
     *("discrete_state", "discrete_level", "discrete_voted"),
 )
-LANE_FIELDS: Final = ("failed_by", "valve_differs", "health", "failed_for", "leads")  # of servo actuators, computers
+PART_FIELDS: Final = ("failed_by", "valve_differs", "health", "failed_for", "leads")  # of servo actuators, computers
 ALL: Final = (*FIELDS, "law", "end")  # with those that follow from the flight: commands, and how it ended
 _VOTES: Final = tuple(column for column in COLUMNS if column.field == "voted")
 _FLIGHT: Final = {"law": "control law", "end": "end"}
@@ -126,7 +126,7 @@ class Moves:
         self._votes = [joined(*pair) for pair in zip(self._votes, votes, strict=True)] if self._votes else votes
         self._add(old, new, decided(FIELDS), decided(("state", "discrete_state")))
         if old.parts:
-            columns = [column for column in chosen_lanes(new) if column.field in LANE_FIELDS]
+            columns = [column for column in chosen_of_parts(new) if column.field in PART_FIELDS]
             n = min(len(old), len(new))
             self._add(old[:n], new[:n], columns, [column for column in columns if column.field == "failed_by"])
 

@@ -14,7 +14,7 @@ from rig.core.errors import BadInput
 from rig.core.frame import Table
 from rig.core.versions import versions
 from rig.flight.unit_loop import fly_blocks
-from rig.log.columns import COLUMNS, chosen_lanes
+from rig.log.columns import COLUMNS, chosen_of_parts
 from rig.log.recordings.flown_log import Recorded
 from rig.unit.running_unit import UnitUnderTest
 
@@ -65,7 +65,7 @@ def verify(recording: Recorded, fly: bool = False, unit: UnitUnderTest | None = 
 def _compared(old: Table, new: Table, again: Again | None) -> list[Field]:
     """Compare the output of ``again``; all fields of a flight."""
     columns = [column for column in COLUMNS if again is None or column.field in (*again.outputs, "acting")]
-    chosen = [column for column in chosen_lanes(new) if again is None or column in again.lane_columns]
+    chosen = [column for column in chosen_of_parts(new) if again is None or column in again.part_columns]
     return compare(old, new, [*columns, *(chosen if old.parts else ())])
 
 

@@ -95,7 +95,7 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
     moves, log = Moves(), recording.log
     with draft(path) if out is None else replaced(path) as part:
         metadata, attached = _metadata(recording, scenario, changes), log.attachments.items()
-        with LogWriter(part, log.rate_hz, metadata, attached, draft_of=path, lanes=log.lanes) as writer:
+        with LogWriter(part, log.rate_hz, metadata, attached, draft_of=path, parts=log.parts) as writer:
             events = _write(writer, recording, scenario, _voted(recording, scenario, moves))
         if out is None:
             path = publish(part, numbered(path.parent, stem, ".mcap"))

@@ -81,7 +81,7 @@ PARAM: Final = np.dtype(
         ("vertical", "i8"),  # places in the tables of modes.py
         ("lateral", "i8"),
         ("speed", "i8"),
-        ("still", "u1", (len(SURFACES),)),  # surfaces that nobody moves, as the actuators say: no integrator runs
+        ("still", "u1", (len(SURFACES),)),  # surfaces that no servo channel moves: no integrator runs
     ],
     align=True,
 )

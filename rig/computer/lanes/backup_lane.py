@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.lanes.command import rejoin
-from rig.computer.lanes.health import NOBODY, is_engaged, responds
+from rig.computer.lanes.health import NO_LANE, is_engaged, responds
 from rig.computer.lanes.lane_clock import insert
 from rig.computer.lanes.think import follow_votes, give_references
 from rig.core.frame import CHANNELS, COMPUTERS, LaneTest, S, sig
@@ -68,7 +68,7 @@ def join(lanes):
         lanes.links.relays[i] = lane["failed_for"] not in (LaneTest.COMMANDS, LaneTest.LINK, LaneTest.CLOCK)
         if lane["joins"] != 0:
             leader = other_engaged(i, lanes)
-            if leader != NOBODY:
+            if leader != NO_LANE:
                 take_over(i, leader, lanes)
             if is_engaged(lane):
                 rejoin(i, leader, lanes.commands)
@@ -78,12 +78,12 @@ def join(lanes):
 
 @kernel
 def other_engaged(i, lanes):
-    """Return the first engaged lane that runs on, but i; ``NOBODY`` if there is none."""
+    """Return the first engaged lane that runs on, but i; ``NO_LANE`` if there is none."""
     for j in range(lanes.fitted):
         lane = lanes.health.lane[j]
         if j != i and is_engaged(lane) and responds(lane) and lane["joins"] == 0:
             return j
-    return NOBODY
+    return NO_LANE
 
 
 @inlined

@@ -58,7 +58,7 @@ class Config(Settings):
     clock_offsets_s: list[float] = [0.0, 0.0, 0.0, 0.0]  # at the first frame: how much earlier a lane samples
     sync_gain: float = Field(default=0.5, gt=0, le=1)  # share of a lane's offset that it takes out in a frame
     exchange_window: float = Field(default=0.2, ge=0, lt=1)  # frames after its own start that a lane reads the link
-    exchange_rounds: int = Field(default=2, ge=1, le=2)  # 1: a lane believes what arrived
+    exchange_rounds: int = Field(default=2, ge=1, le=2)  # 1: a lane uses what arrived
     max_age_frames: int = Field(default=1, ge=0)  # so long a silent link's last message counts
     link_persistence_s: float = Field(default=0.05, gt=0)  # until a link without messages is failed; one frame or more
     sync_window: float = Field(default=0.05, gt=0, lt=0.5)  # frames: largest offset of synchronised clocks,

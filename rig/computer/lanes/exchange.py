@@ -18,7 +18,7 @@ from typing import Final
 
 from rig.core.kernels import kernel
 
-NOBODY: Final = -1  # whose word is held: the word is missing
+NO_LANE: Final = -1  # in place of the lane whose word is held: the word is missing
 
 
 class Arrival(IntEnum):
@@ -56,20 +56,20 @@ def exchange(sender, words, said, rounds, held):
 
     words : (lanes, lanes) bits, receiver by teller: direct where the teller is the sender, relayed otherwise
     ``said`` : (lanes, lanes) ``Said`` of them;  rounds : 1 or 2
-    Writes held : (lanes,) the teller whose word it is, or ``NOBODY``; the sender holds its own.
+    Writes held : (lanes,) the teller whose word it is, or ``NO_LANE``; the sender holds its own.
     """
     for i in range(len(held)):
         if i == sender:
             held[i] = sender
         elif rounds == 1:
-            held[i] = sender if said[i, sender] == Said.WORD else NOBODY
+            held[i] = sender if said[i, sender] == Said.WORD else NO_LANE
         else:
             held[i] = strict_majority(i, words[i], said[i])
 
 
 @kernel
 def strict_majority(receiver, words, said):
-    """Return a sender of the majority's word to ``receiver``, ``NOBODY`` if that is 'missing' or there is none.
+    """Return a sender of the majority's word to ``receiver``, ``NO_LANE`` if that is 'missing' or there is none.
 
     words : (lanes,) bits;  ``said`` : (lanes,) ``Said``
     """
@@ -84,4 +84,4 @@ def strict_majority(receiver, words, said):
             same += other != receiver and said[other] == Said.WORD and words[other] == words[k]
         if 2 * same > telling:
             return k
-    return NOBODY
+    return NO_LANE

@@ -25,7 +25,7 @@ from rig.world.faults.servo_parts import ComputerPart, whole_computers
 
 _LANES: Final = len(COMPUTERS)
 _ARMED_S: Final = 0.5  # clocks are together by then
-NOBODY: Final = -1
+NO_LANE: Final = -1
 _READMIT, _DISENGAGE, _BACK_UP = range(3)
 _DOES: Final = {"readmit": _READMIT, "disengage": _DISENGAGE, "backup": _BACK_UP}
 LIMITS: Final = np.dtype(
@@ -63,7 +63,7 @@ LANE: Final = np.dtype(
 )
 SYSTEM: Final = np.dtype(
     [
-        ("leading", "i8"),  # the first lane that is engaged, or ``NOBODY``: the back-up flies
+        ("leading", "i8"),  # the first lane that is engaged, or ``NO_LANE``: the back-up flies
         ("led", "i8"),  # the last lane that led
         ("backup", "u1"),
         ("taken_over", "u1"),  # the back-up has begun
@@ -115,7 +115,7 @@ def _orders(commands: Sequence[Command], rate_hz: float) -> NDArray[Any]:
     orders = np.zeros(len(commands), ORDER)
     for row, command in zip(orders, commands, strict=True):
         row["frame"], row["does"] = to_frame(command.at_s, rate_hz), _DOES[command.do]
-        row["lane"] = NOBODY if command.lane is None else COMPUTERS.index(command.lane)
+        row["lane"] = NO_LANE if command.lane is None else COMPUTERS.index(command.lane)
     return orders
 
 
@@ -223,16 +223,16 @@ def execute(order, data):
 @kernel
 def find_leading(data):
     """Find the first engaged lane, of those that run if there are; else, or by command, the back-up takes over."""
-    system, leading = data.system[0], NOBODY
+    system, leading = data.system[0], NO_LANE
     for i in range(data.limits[0]["fitted"]):
-        if is_engaged(data.lane[i]) and (leading == NOBODY or responds(data.lane[leading]) < responds(data.lane[i])):
+        if is_engaged(data.lane[i]) and (leading == NO_LANE or responds(data.lane[leading]) < responds(data.lane[i])):
             leading = i
-    if leading == NOBODY:
+    if leading == NO_LANE:
         system["backup"] = 1
     elif system["backup"] == 0:
         system["led"] = leading
-    system["taken_over"] = system["backup"] != 0 and system["leading"] != NOBODY
-    system["leading"] = NOBODY if system["backup"] != 0 else leading
+    system["taken_over"] = system["backup"] != 0 and system["leading"] != NO_LANE
+    system["leading"] = NO_LANE if system["backup"] != 0 else leading
 
 
 @kernel

@@ -35,7 +35,7 @@ from rig.computer.lanes.command import (
 )
 from rig.computer.lanes.computers_table import Config
 from rig.computer.lanes.health import (
-    NOBODY,
+    NO_LANE,
     HealthData,
     accuse,
     drawn,
@@ -53,7 +53,7 @@ from rig.computer.lanes.think import ComputerData, give_references, think_lane
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.state import ManagerData
-from rig.core.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, Health, S, lane_rows
+from rig.core.frame import BUS, CHANNELS, COMPUTERS, FCC, INTEGRATED, SURFACES, Health, S, second_rows
 from rig.core.kernels import inlined, kernel
 from rig.world.faults import FaultData, break_computers, corrupt_commands
 from rig.world.faults.servo_parts import ComputerPart
@@ -75,7 +75,7 @@ class LaneData(NamedTuple):
     """Data of the lanes; ``[i]`` of an array is that of one computer, the last that of the back-up."""
 
     fitted: int  # lanes that think
-    outside: int  # the lane whose computer is a unit under test, or ``NOBODY``
+    outside: int  # the lane whose computer is a unit under test, or ``NO_LANE``
     bus: NDArray[Any]  # (4,) BUS
     fcc: NDArray[Any]  # (5,) FCC
     references: NDArray[Any]  # and so on: states, in place
@@ -108,7 +108,7 @@ class Lanes:
         skew: NDArray[np.float64],
         rate_hz: float,
         seeds: SeedSequence,
-        outside: int = NOBODY,
+        outside: int = NO_LANE,
     ) -> None:
         """skew : (S, 4) frames, of the sensors without the lanes' clocks; outside : as of LaneData."""
         redundancy, control, faults = one.redundancy, one.control, one.faults
@@ -142,7 +142,7 @@ class Lanes:
             orders=Orders(np.zeros((_LANES, _SURFACES)), np.zeros(_SURFACES), np.zeros(_LANES, np.uint8)),
             running=np.zeros(_LANES, np.uint8),
             counted=np.zeros(_LANES, np.uint8),
-            rows=lane_rows(2, ("computer",))["computer"],  # of two: of one the view would count as contiguous
+            rows=second_rows(2, ("computer",))["computer"],  # of two: of one the view would count as contiguous
         )
 
     def prepare(self, rows: NDArray[Any]) -> None:
@@ -252,7 +252,7 @@ def watch(frame, k, lanes):
 def lead(row, k, data, lanes):
     """Write the FCC record of the row: the leading lane's, or the back-up's."""
     system = lanes.health.system[0]
-    if system["leading"] != NOBODY:
+    if system["leading"] != NO_LANE:
         row["fcc"] = lanes.fcc[system["leading"]]
     else:
         row["fcc"] = lanes.fcc[system["led"]]
@@ -262,7 +262,7 @@ def lead(row, k, data, lanes):
 @kernel
 def give_orders(surface, lanes):
     """Write what the actuators are told; surface : (4,) of the row, which is the back-up's where no lane leads."""
-    orders, backup = lanes.orders, lanes.health.system[0]["leading"] == NOBODY
+    orders, backup = lanes.orders, lanes.health.system[0]["leading"] == NO_LANE
     for c in range(lanes.fitted):
         orders.off[c] = not backup and not drives(c, lanes.health)
         for s in range(_SURFACES):

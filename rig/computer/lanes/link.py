@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.lanes.computers_table import Config
-from rig.computer.lanes.exchange import NOBODY, Arrival, Said, arrival, exchange
+from rig.computer.lanes.exchange import NO_LANE, Arrival, Said, arrival, exchange
 from rig.core.frame import COMPUTERS, D, Ilm, LinkState, S
 from rig.core.kernels import kernel
 from rig.core.settings import in_frames
@@ -231,12 +231,12 @@ def hold(sender, each, data):
         if i == sender:
             continue
         teller = data.held[i]
-        if teller == NOBODY:
+        if teller == NO_LANE:
             miss(each[i], sender)
         else:
             unpack(data.told[i, teller], each[i], sender)
         if data.said[i, sender] == Said.WORD:
-            data.outvoted[i, sender] = teller == NOBODY or data.words[i, teller] != data.words[i, sender]
+            data.outvoted[i, sender] = teller == NO_LANE or data.words[i, teller] != data.words[i, sender]
 
 
 @kernel

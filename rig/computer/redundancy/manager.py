@@ -98,7 +98,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     elif not st["together"]:
         st["pattern_frames"] += 1
     st["pattern"] = pattern
-    # Without a sample the ranks are leftovers, and nobody reads what comes of them.
+    # Without a sample the ranks are leftovers, and no step reads what comes of them.
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     decided_by, vote_before_fade = decide(ilm, reference, compared, n, p, st)
     keep_basis(decided_by, st)
@@ -118,7 +118,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     st["accused"] = accused(decided_by, ranked, p, st)
     count_miscompares(n, ranked, vote_before_fade, p, st)
     m = slow_faults.middle(n, reference, st) if slow_faults.lasts(p) and n >= 2 else 0.0
-    slow = slow_faults.watch_sums(m, n, p, st) if decided_by != DecidedBy.COMMON else slow_faults.NOBODY
+    slow = slow_faults.watch_sums(m, n, p, st) if decided_by != DecidedBy.COMMON else slow_faults.NO_CHANNEL
     decided_by = latch_all(decided_by, slow, m, n, p, st)
     publish(vote_before_fade, p, st)
     return decided_by
@@ -165,10 +165,10 @@ def come_together(order, n, p, st):
 def latch_all(decided_by, slow, m, n, p, st):
     """Latch what has persisted and whom the sums fail, and learn; return the rule.
 
-    slow : channel that the sums of small deviations fail, or ``NOBODY``; m : the middle of the samples
+    slow : channel that the sums of small deviations fail, or ``NO_CHANNEL``; m : the middle of the samples
     """
     level = st["level"]
-    if slow != slow_faults.NOBODY:
+    if slow != slow_faults.NO_CHANNEL:
         st["failed"][slow], decided_by = True, DecidedBy.SLOW.value
     decided_by = settle(decided_by, p, st)
     if st["level"] != level:
@@ -192,8 +192,8 @@ def vote_quiet(reference, second, n, p, st):
     st["accused"] = 0
     if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
         m = slow_faults.middle(n, reference, st)
-        slow = last_quiet(m, n, p, st) if decided_by == DecidedBy.NONE else slow_faults.NOBODY
-        if decided_by != DecidedBy.NONE or slow != slow_faults.NOBODY:
+        slow = last_quiet(m, n, p, st) if decided_by == DecidedBy.NONE else slow_faults.NO_CHANNEL
+        if decided_by != DecidedBy.NONE or slow != slow_faults.NO_CHANNEL:
             decided_by = latch_all(decided_by, slow, m, n, p, st)
     publish(voted, p, st)
     return decided_by

@@ -17,7 +17,7 @@ from rig.computer.redundancy.baseline_managers import baseline_settings as of_ba
 from rig.computer.redundancy.baseline_managers.bayes import BAYES_STATE, bayes
 from rig.computer.redundancy.baseline_managers.glr import GLR_STATE, glr
 from rig.computer.redundancy.baseline_managers.parity import parity
-from rig.computer.redundancy.baseline_managers.step import BASELINE_STATE, NOBODY
+from rig.computer.redundancy.baseline_managers.step import BASELINE_STATE, NO_CHANNEL
 from rig.computer.redundancy.baseline_managers.sums import CUSUM_STATE, cusum, innovation
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit, weighted
 from rig.computer.redundancy.box import boxes
@@ -142,7 +142,7 @@ class Manager:
         if self.baseline is None:
             return blank
         state = of_baselines.extended(blank, (*BASELINE_STATE, *KINDS[self.choice].state))
-        state["run_of"] = NOBODY
+        state["run_of"] = NO_CHANNEL
         return state
 
     @property

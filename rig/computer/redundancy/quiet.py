@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.compare import threshold
-from rig.computer.redundancy.slow_faults import CALM, NOBODY, largest_sum, learn_one, outlier_limit, sum_one
+from rig.computer.redundancy.slow_faults import CALM, NO_CHANNEL, largest_sum, learn_one, outlier_limit, sum_one
 from rig.core.frame import CHANNELS, Pattern
 from rig.core.kernels import kernel
 
@@ -67,7 +67,7 @@ def at_rest(m, n, p, st):
 def last_quiet(m, n, p, st):
     """Sum and learn of a quiet signal, all of whose ``n`` channels are ranked and none suspected; same bits.
 
-    Returns whom the sums fail, or ``NOBODY``; it has learned then.
+    Returns the channel that the sums fail, or ``NO_CHANNEL``; it has learned then.
     """
     limit = p["slow_limit"]
     if limit > 0.0 and n >= 3 and not at_rest(m, n, p, st):
@@ -81,4 +81,4 @@ def last_quiet(m, n, p, st):
     if p["equalise_bound"] > 0.0:
         for c in range(n):
             learn_one(c, m, p, st)
-    return NOBODY
+    return NO_CHANNEL

@@ -20,7 +20,7 @@ from rig.core.frame import Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
-NOBODY: Final = -1
+NO_CHANNEL: Final = -1
 CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the sums cannot tell who is right
 
 
@@ -97,7 +97,7 @@ def outlier_limit(n, p, st):
 
 @kernel
 def watch_sums(m, n, p, st):
-    """Sum what each residual exceeds the allowance by, upwards and downwards; return whom that fails, or ``NOBODY``.
+    """Sum what each residual exceeds the allowance by, upwards and downwards; return which fails, or ``NO_CHANNEL``.
 
     Page 1954, with a step of at most limit / (persistence - 1/2): an error shorter than the persistence isolates no
     channel, however large.  At most one channel a frame, and none without a strict majority that is calm.
@@ -105,11 +105,11 @@ def watch_sums(m, n, p, st):
     """
     limit = p["slow_limit"]
     if limit <= 0.0 or n < 3 or is_split(st["pattern"]):
-        return NOBODY
+        return NO_CHANNEL
     calm, most = 0, limit / (p["persistence"] - 0.5)
     for i in range(n):
         calm += sum_one(st["order"][i], m, most, p, st) < CALM * limit
-    return largest_sum(n, limit, st) if 2 * calm > n else NOBODY
+    return largest_sum(n, limit, st) if 2 * calm > n else NO_CHANNEL
 
 
 @kernel
@@ -130,8 +130,8 @@ def _sum(last, excess, most):
 
 @kernel
 def largest_sum(n, limit, st):
-    """Return the channel with the largest sum beyond the limit, or ``NOBODY``; of equals that of the least sample."""
-    worst = NOBODY
+    """Return the channel with the largest sum beyond the limit, or ``NO_CHANNEL``; of equals the least sample's."""
+    worst = NO_CHANNEL
     for i in range(n):
         c = st["order"][i]
         reached = max(st["above"][c], st["below"][c])

@@ -61,7 +61,7 @@ STATE: Final = np.dtype(
         ("unresolved_frames", "i8"),  # that no rule has answered, since an answer has stood or all had a majority
         ("silent_frames", "i8"),  # in a row without an answer
         ("hold_of", "i8"),  # a bit for each channel compared when the shares below were found; 0: none are kept
-        ("hold_low", "i8"),  # channels, and the share of the second in a vote that nobody decides
+        ("hold_low", "i8"),  # channels, and the share of the second in a vote that no rule decides
         ("hold_high", "i8"),
         ("hold_share", "f8"),
         ("hold_gap", "f8"),  # between the two when last used

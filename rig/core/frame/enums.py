@@ -124,8 +124,16 @@ class End(IntEnum):
 
     @property
     def label(self) -> str:
-        """Name for people."""
+        """Name in logs and tables: ``departure angle of attack``."""
         return self.name.lower().replace("_", " ")
+
+    @property
+    def cause(self) -> str:
+        """Why the aircraft is lost: ``angle of attack beyond its limit``."""
+        if self == End.NOT_FINITE:
+            return "its state was no longer a finite number"
+        kind, _, quantity = self.label.partition(" ")
+        return f"{quantity} beyond its limit" if kind == "departure" else self.label
 
 
 class ActuatorMonitor(IntEnum):

@@ -27,7 +27,7 @@ _EACH: Final = (CHANNELS,)
 _MESSAGE: Final = "rig.Actuator"
 
 # In the order of the message; what has no unit is a share: 1 is the full current, the spool's full opening, all flow.
-LANE_FIELDS: Final = (
+SERVO_FIELDS: Final = (
     Field("asked", "actuation", _EACH, unit="rad", message=_MESSAGE),  # of each channel, by its computer
     Field("ram", "actuation", (), unit="rad", message=_MESSAGE),  # where it is at the end of the frame
     Field("lvdt", "actuation", _EACH, "single", unit="rad", message=_MESSAGE),  # its position sensors, at the beginning
@@ -116,7 +116,7 @@ COMPUTER_FIELDS: Final = (
     ),  # and for what
     Field(
         "leads", "fcc", (), "flag", message=_COMPUTER
-    ),  # its votes and commands are the frame's; nobody: the back-up's
+    ),  # its votes and commands are the frame's; no lane leads: the back-up's
 )
 
 
@@ -128,20 +128,20 @@ def _record(fields: Sequence[Field]) -> np.dtype[Any]:
 
 LINKS: Final = tuple(permutations(range(len(COMPUTERS)), 2))  # sender, receiver
 LINK: Final = np.dtype([("state", "u1"), ("age", "u1"), ("outvoted", "u1")])  # of one link; age : frames, to 127
-SERVO: Final = _record(LANE_FIELDS)
+SERVO: Final = _record(SERVO_FIELDS)
 COMPUTER: Final = _record(COMPUTER_FIELDS)
-LanePart = Literal["servo", "computer"]
-LaneParts = tuple[LanePart, ...]  # in the order of LANE_PARTS
-LaneBlock = NDArray[Any]  # (n,), frame and the parts that the flight has
-LANE_PARTS: Final[dict[LanePart, np.dtype[Any]]] = {
+RowPart = Literal["servo", "computer"]
+RowParts = tuple[RowPart, ...]  # in the order of ROW_PARTS
+SecondRows = NDArray[Any]  # (n,), frame and the parts that the flight has
+ROW_PARTS: Final[dict[RowPart, np.dtype[Any]]] = {
     "servo": np.dtype((SERVO, (len(MOVED),))),
     "computer": np.dtype((COMPUTER, (len(COMPUTERS),))),
 }
 
 
-def parts_of(lanes: LaneBlock | None) -> LaneParts:
-    """Return the parts of rows of lanes."""
-    return () if lanes is None else tuple(part for part in LANE_PARTS if part in (lanes.dtype.names or ()))
+def parts_of(rows: SecondRows | None) -> RowParts:
+    """Return the parts of second rows."""
+    return () if rows is None else tuple(part for part in ROW_PARTS if part in (rows.dtype.names or ()))
 
 
 def links(computer: NDArray[Any]) -> NDArray[Any]:
@@ -152,8 +152,8 @@ def links(computer: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
-def lane_rows(frames: int, parts: LaneParts = ("servo",), first_frame: int = 0) -> LaneBlock:
+def second_rows(frames: int, parts: RowParts = ("servo",), first_frame: int = 0) -> SecondRows:
     """Return blank rows with some parts, numbered from ``first_frame``."""
-    rows = np.zeros(frames, np.dtype([("frame", "i8"), *((part, LANE_PARTS[part]) for part in parts)], align=True))
+    rows = np.zeros(frames, np.dtype([("frame", "i8"), *((part, ROW_PARTS[part]) for part in parts)], align=True))
     rows["frame"] = np.arange(first_frame, first_frame + frames)
     return rows

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.frame.row import Block
-from rig.core.frame.second_row import LANE_PARTS, LaneBlock, LanePart, LaneParts, lane_rows, parts_of
+from rig.core.frame.second_row import ROW_PARTS, RowPart, RowParts, SecondRows, parts_of, second_rows
 
 
 class Table:
@@ -33,7 +33,7 @@ class Table:
     def __init__(
         self,
         rows: Block,
-        beside: LaneBlock | None = None,
+        beside: SecondRows | None = None,
         timing: NDArray[Any] | None = None,
         clean: NDArray[Any] | None = None,
     ) -> None:
@@ -57,12 +57,12 @@ class Table:
         """Return the arrays of the table, in the order of its arguments."""
         return self.rows, self.beside, self.timing, self.clean
 
-    def part(self, name: LanePart) -> Any:
+    def part(self, name: RowPart) -> Any:
         """Return a part by its name in the log; None: the flight has none."""
         return self.beside[name] if self.beside is not None and name in self.parts else None
 
     @property
-    def parts(self) -> LaneParts:
+    def parts(self) -> RowParts:
         """Return the names of its parts in the log."""
         return parts_of(self.beside)
 
@@ -80,15 +80,15 @@ class Table:
         """Return a copy of the table."""
         return self.each(lambda part: part.copy())
 
-    def copied_beside(self, parts: Iterable[LanePart]) -> Table:
+    def copied_beside(self, parts: Iterable[RowPart]) -> Table:
         """Return its rows with new records beside them, into which ``parts`` are copied field by field.
 
         The padding between fields is part of the digest, and zero.
         """
-        made = lane_rows(len(self), self.parts)
+        made = second_rows(len(self), self.parts)
         made["frame"] = self["frame"]
         for part in parts:
-            for name in LANE_PARTS[part].base.names or ():
+            for name in ROW_PARTS[part].base.names or ():
                 made[part][name] = self.part(part)[name]
         return Table(self.rows, made, self.timing, self.clean)
 

@@ -20,7 +20,7 @@ from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedSignal
 
-GAINS: Final = (0.9, 1.1)  # smallest and largest stretch of a vector that is believed to be misalignment
+GAINS: Final = (0.9, 1.1)  # smallest and largest stretch of a vector that is taken for misalignment
 SMOOTHED: Final = 12  # rows; 0.1 s at 120 Hz
 _MIN_ROWS: Final = 256
 
@@ -85,8 +85,8 @@ def _fit(triad: str, channel: int, v: Floats, m: Floats) -> Matrix:
     left, gains, right = np.linalg.svd(a)
     rotation = left @ right
     angle = float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0))))
-    believed = GAINS[0] <= gains[-1] and gains[0] <= GAINS[1]
-    return Matrix(triad, channel, bool(believed), a.tolist(), angle, gains.tolist(), before, _rms(a @ v - m))
+    plausible = GAINS[0] <= gains[-1] and gains[0] <= GAINS[1]
+    return Matrix(triad, channel, bool(plausible), a.tolist(), angle, gains.tolist(), before, _rms(a @ v - m))
 
 
 def _smooth(x: Floats) -> Floats:

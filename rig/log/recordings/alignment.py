@@ -33,7 +33,7 @@ class Alignment:
     from_s: float
     to_s: float
     rows: int
-    by_default: bool  # nobody gave the end
+    by_default: bool  # the end was not given
     corrections: Corrections
     moves: dict[str, list[OffsetMove]]
     matrices: list[Matrix] = field(default_factory=list)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rig.core import fault_names
+from rig.core.ending import ending
 from rig.core.errors import BadLog
 from rig.core.palette import CHANNELS, DASHES, LINE, ORANGE, TRUTH, VOTE
 from rig.flight.failures import failed_channels, failed_text
@@ -30,7 +31,7 @@ def line(log: Log) -> str:
     scenario = _scenario(log)
     title = scenario.get("title") or scenario.get("aircraft") or "recording"
     seed = f" seed {scenario['seed']}" if "seed" in scenario else ""
-    return f"<Log {title}{seed}: {_verdict(log)}, isolated {_failed(log)}>"
+    return f"<Log {title}{seed}: {_verdict(log)}; isolated {_failed(log)}>"
 
 
 def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), path: Path | None = None) -> str:
@@ -61,11 +62,9 @@ def _scenario(log: Log) -> dict[str, Any]:
 
 
 def _verdict(log: Log) -> str:
-    length = f"{len(log.rows) / log.rate_hz:g} s"
     if log.result is None:
-        return f"not finished, {length}"
-    verdict = "survived" if log.result.get("survived") == "True" else "lost"
-    return f"{verdict} ({log.result.get('end_reason', 'no reason given')}, {length})"
+        return f"not finished, {len(log.rows) / log.rate_hz:g} s"
+    return ending(log.result.get("survived") == "True", log.result.get("end_reason", ""), log.frames, log.rate_hz)
 
 
 def _failed(log: Log) -> str:

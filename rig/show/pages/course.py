@@ -74,14 +74,14 @@ class Course:
         """Return the first suspect frame of the channel of a signal that became failed in ``frame``."""
         first = frame
         for c in range(SIGNALS[INDEX[name]].channels):
-            _, rows, states = self.lanes[f"/{name}/channel_{c + 1}"]
+            _, rows, states = self.strips[f"/{name}/channel_{c + 1}"]
             k = int(np.searchsorted(rows, frame))
             if 0 < k < len(rows) and rows[k] == frame and states[k - 1 : k + 1] == ["SUSPECT", "FAILED"]:
                 first = min(first, int(rows[k - 1]))
         return first
 
     @cached_property
-    def lanes(self) -> dict[str, Changes]:
+    def strips(self) -> dict[str, Changes]:
         """The changes of each state of signals, computers and servos, and of the levels."""
         flight = self.flight
         found = list(changes(flight.rows, None, self._faults))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.column import columns
+from rig.core.ending import ending
 from rig.core.frame import INDEX, SIGNALS, SURFACES
 from rig.core.outputs import require_apart, require_page
 from rig.core.progress import tell
@@ -91,11 +92,11 @@ def _figures(
     """Draw the pictures by the id of their element, in the order of the page; names : signals with an event."""
     shown, flight = names[:MOST_SIGNALS], course.flight
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
-    surfaces = actuators.happened(scored) if "servo" in log.lanes else []
+    surfaces = actuators.happened(scored) if "servo" in log.parts else []
     lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
     labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
     beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
-    health = [span for span in beside if span.lane.startswith("lane ") or span.lane == "leading lane"]
+    health = [span for span in beside if span.row.startswith("lane ") or span.row == "leading lane"]
     states = spans(course, rate_hz, names, labels, [*health, *actuators.states(course, rate_hz)])
     found = {"timeline": timeline(states, course.frames / rate_hz)} if states else {}
     for one in moments:
@@ -163,10 +164,10 @@ def _about(
         "point": scenario.airframe.point(scenario.flight_point).name,
         "sets": overrides(text, scenario_of(log.metadata, scored.log)),
         "voter": scored.voter,
-        "ended": seconds(score.flight.frames, rate_hz),
+        "ended": ending(score.flight.survived, score.flight.end_reason, score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": [(one, _decided(one, _start(course, one), rate_hz)) for one in moments],
-        "actuators": actuators.happened(scored) if "servo" in log.lanes else [],
+        "actuators": actuators.happened(scored) if "servo" in log.parts else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
         "alike": [one for one in alike[:MOST_GROUPS] if len(one) > 1],

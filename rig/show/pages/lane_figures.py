@@ -59,10 +59,10 @@ def happened(scored: Scored, events: Sequence[Event]) -> Happened | None:
 def states(course: Course, rate_hz: float, count: int) -> list[Span]:
     """Return the health of each lane, the leading lane, and the votes of commands and links with an event."""
     of, found = [*computers.HEALTH[:count], computers.LEADING], list[Span]()
-    for lane in (*of, *computers.VOTES, *computers.fitted(computers.OF_LINKS, count)):
-        if (change := course.lanes.get(lane.path)) is not None:
-            spans = spans_of(change, lane, course.frames, rate_hz)
-            found += spans if lane in of or eventful(spans) else []
+    for strip in (*of, *computers.VOTES, *computers.fitted(computers.OF_LINKS, count)):
+        if (change := course.strips.get(strip.path)) is not None:
+            spans = spans_of(change, strip, course.frames, rate_hz)
+            found += spans if strip in of or eventful(spans) else []
     return found
 
 

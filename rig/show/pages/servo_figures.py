@@ -75,8 +75,8 @@ def states(course: Course, rate_hz: float) -> list[Span]:
     """Return the states of the channels of each surface with an event, and the number of channels that move it."""
     found = list[Span]()
     for surface in MOVED:
-        of = [(lane, course.lanes[lane.path]) for lane in of_surface(surface) if lane.path in course.lanes]
-        spans = [span for lane, change in of for span in spans_of(change, lane, course.frames, rate_hz)]
+        of = [(strip, course.strips[strip.path]) for strip in of_surface(surface) if strip.path in course.strips]
+        spans = [span for strip, change in of for span in spans_of(change, strip, course.frames, rate_hz)]
         found += spans if eventful(spans) else []
     return found
 

@@ -12,7 +12,7 @@ from rig.core.frame import DISCRETES, INDEX
 from rig.show.pages.course import Course, level_path
 from rig.show.pages.page import lay_out
 from rig.show.pages.timeline_looks import CHANNEL, UNUSED_STATE, bar, quiet, variable
-from rig.show.viewer.state_strips import LANES, LAW, Changes, Lane, fault_path
+from rig.show.viewer.state_strips import LAW, STRIPS, Changes, Strip, fault_path
 from rig.show.viewer.style import STATE_LOOKS, plain
 
 MOST_SPANS: Final = 6000  # drawn; the shortest beyond that are left out
@@ -25,7 +25,7 @@ _NAMES: Final = {"decided_by": "decided by"}
 class Span(NamedTuple):
     """One state in one row of the timeline; variable : what the row shows, as the legend names it."""
 
-    lane: str
+    row: str
     begin_s: float
     end_s: float
     label: str
@@ -34,9 +34,9 @@ class Span(NamedTuple):
 
 def groups(course: Course, names: Sequence[str]) -> list[list[str]]:
     """Return signals, or discretes, whose states are equal in every frame together, in the order of ``names``."""
-    lanes, found = course.lanes, dict[object, list[str]]()
+    strips, found = course.strips, dict[object, list[str]]()
     for name in names:
-        own = [change for path, change in lanes.items() if path == f"/{name}" or path.startswith(f"/{name}/")]
+        own = [change for path, change in strips.items() if path == f"/{name}" or path.startswith(f"/{name}/")]
         key = [(each.path.removeprefix(f"/{name}"), each.rows.tolist(), each.states) for each in own]
         found.setdefault(repr(sorted(key)), []).append(name)
     return list(found.values())
@@ -72,18 +72,18 @@ def spans(
 
 def _found(course: Course, rate_hz: float, faults: Sequence[str]) -> Iterator[tuple[str, list[Span]]]:
     """Yield path and states of every row of faults, signals, discretes and law."""
-    lanes = {lane.path: lane for lane in LANES}
+    strips = {strip.path: strip for strip in STRIPS}
     named = {fault_path(i): f"fault {escape(label)}" for i, label in enumerate(faults)}  # plotly reads tags
-    named |= {path: _named(path) for path in (*lanes, *map(level_path, INDEX))}
-    for path, change in course.lanes.items():
+    named |= {path: _named(path) for path in (*strips, *map(level_path, INDEX))}
+    for path, change in course.strips.items():
         if path in named:  # and not the channels of a signal together
-            yield path, list(_spans(named[path], change, lanes.get(path), course.frames, rate_hz))
+            yield path, list(_spans(named[path], change, strips.get(path), course.frames, rate_hz))
 
 
 def _for_all(span: Span, name: str, others: Sequence[str]) -> Span:
     """Return a state of ``name`` as that of all signals with equal states."""
     alike = f"{name} (and {len(others)} alike)" if others else name
-    return span._replace(lane=f"{alike}{span.lane.removeprefix(name)}")
+    return span._replace(row=f"{alike}{span.row.removeprefix(name)}")
 
 
 def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
@@ -103,27 +103,27 @@ def used(span: Span, level: Sequence[Span]) -> Iterator[Span]:
 
 def _named(path: str) -> str:
     """Return the name of a row as people read it: ``pitch_rate channel 3``."""
-    _, of, *lane = path.split("/")
-    words = [_NAMES.get(part, plain(part)) for part in lane]
+    _, of, *parts = path.split("/")
+    words = [_NAMES.get(part, plain(part)) for part in parts]
     return " ".join([of, *words]) if words else plain(of)
 
 
-def spans_of(change: Changes, lane: Lane, frames: int, rate_hz: float) -> list[Span]:
+def spans_of(change: Changes, strip: Strip, frames: int, rate_hz: float) -> list[Span]:
     """Return the states of one row over all frames, except those that are not drawn."""
-    return [span for span in _spans(_named(lane.path), change, lane, frames, rate_hz) if span.label]
+    return [span for span in _spans(_named(strip.path), change, strip, frames, rate_hz) if span.label]
 
 
-def _spans(name: str, change: Changes, lane: Lane | None, frames: int, rate_hz: float) -> Iterator[Span]:
+def _spans(name: str, change: Changes, strip: Strip | None, frames: int, rate_hz: float) -> Iterator[Span]:
     ends = [*change.rows[1:], frames]
     for row, end, state in zip(change.rows, ends, change.states, strict=True):
-        yield Span(name, row / rate_hz, end / rate_hz, _label(state, lane), variable(change.path))
+        yield Span(name, row / rate_hz, end / rate_hz, _label(state, strip), variable(change.path))
 
 
-def _label(state: str, lane: Lane | None) -> str:
+def _label(state: str, strip: Strip | None) -> str:
     """Return a state in words; "" for an inactive fault or an absent channel, which are not drawn."""
     if state == "ABSENT":
         return ""
-    looks = STATE_LOOKS if state in STATE_LOOKS or lane is None else lane.looks
+    looks = STATE_LOOKS if state in STATE_LOOKS or strip is None else strip.looks
     return looks[state][0] if state in looks else state.lower()
 
 
@@ -141,7 +141,7 @@ def _most(found: list[Span]) -> list[Span]:
 
 def timeline(found: Sequence[Span], end_s: float) -> go.Figure:
     """Draw the rows of a flight, the first at the top, from its beginning to its end."""
-    rows = list(dict.fromkeys(span.lane for span in found))
+    rows = list(dict.fromkeys(span.row for span in found))
     figure = go.Figure()
     for of, label in dict.fromkeys((span.variable, span.label) for span in found):
         of_label = [span for span in found if (span.variable, span.label) == (of, label)]
@@ -158,7 +158,7 @@ def _bars(found: Sequence[Span], label: str, *, written: bool) -> dict[str, Any]
     return {
         "x": [span.end_s - span.begin_s for span in found],
         "base": [span.begin_s for span in found],
-        "y": [span.lane for span in found],
+        "y": [span.row for span in found],
         "orientation": "h",
         "customdata": [f"{span.begin_s:.2f} to {span.end_s:.2f} s" for span in found],
         "hovertemplate": f"%{{y}}: {label}<br>%{{customdata}}<extra></extra>",
@@ -170,7 +170,7 @@ def _alternative(found: Sequence[Span], rows: Sequence[str]) -> str:
     """Return the timeline as text: the states of each row that need attention, of the first rows."""
     told = []
     for row in rows[:MOST_TOLD]:
-        of_row = [span for span in found if span.lane == row and not quiet(span.label)]
+        of_row = [span for span in found if span.row == row and not quiet(span.label)]
         states = [f"{span.label} from {span.begin_s:.2f} to {span.end_s:.2f} s" for span in of_row[:MOST_TOLD]]
         told += [f"{row}: {', '.join(states)}"] if states else []
     return f"Timeline. {'. '.join(told) or 'No state needs attention'}."

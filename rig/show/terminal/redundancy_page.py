@@ -99,7 +99,7 @@ class Page:
         if acting:
             head.append(f"  {acting} fault{'s' if acting > 1 else ''} acting", style="not bold yellow")
         if row["end"]:
-            head.append(f"  {End(row['end']).label}", style="bold red")
+            head.append(f"  {End(row['end']).cause}", style="bold red")
         return head
 
 

@@ -12,7 +12,7 @@ from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
 from rig.show.viewer.derived import DEGREE_NAMES, DEGREES
 from rig.show.viewer.facts import Shown, Span, drawn_range
-from rig.show.viewer.plots import Axes, Line, events, legend, line_series, list_series, over_time, state_lanes
+from rig.show.viewer.plots import Axes, Line, events, legend, line_series, list_series, over_time, strips_view
 from rig.show.viewer.style import CHANNEL_COLORS, VOTED, plain
 
 
@@ -26,14 +26,14 @@ def servo_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
     rows = [
         rrb.Horizontal(
             *(_servo_plot(each, surface, shown, span) for each in servos.PLOTS),
-            state_lanes(f"{surface}: channels, number of channels that move it", servos.of_surface(surface), shown),
+            strips_view(f"{surface}: channels, number of channels that move it", servos.of_surface(surface), shown),
             column_shares=[3, 2, 2, 3],
         )
         for surface in MOVED
     ]
     below = rrb.Horizontal(
         _servo_plot(servos.PRESSURE, MOVED[0], shown, None),
-        state_lanes("faults", [], shown, faults=""),
+        strips_view("faults", [], shown, faults=""),
         events(shown),
         column_shares=[3, 3, 4],
     )
@@ -63,12 +63,12 @@ def computers_tab(name: str, shown: Sequence[Shown]) -> rrb.Container:
     span, count = next(filter(None, spans), None), max(flight.facts.computers for flight in shown)
     health = computers.fitted(computers.HEALTH, count)
     whole = [*health, computers.LEADING, *computers.VOTES]
-    above = [state_lanes("faults, lanes, leading lane, votes of commands", whole, shown, "")]
+    above = [strips_view("faults, lanes, leading lane, votes of commands", whole, shown, "")]
     if span is not None:
         near = [*health, *computers.fitted(computers.REPORTED, count)]
         zoom = f"zoom {span[0]:.1f} to {span[1]:.1f} s: faults, lanes, lanes that report them"
-        above.append(state_lanes(zoom, near, shown, "", span))
-    links = state_lanes("links", computers.fitted(computers.OF_LINKS, count), shown)
+        above.append(strips_view(zoom, near, shown, "", span))
+    links = strips_view("links", computers.fitted(computers.OF_LINKS, count), shown)
     plots = [_commands(surface, shown, span) for surface in SURFACES[:3]]
     clocks = _of_lanes(computers.CLOCK, "clock lead, frames", shown, None, [])
     return rrb.Vertical(

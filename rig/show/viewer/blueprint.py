@@ -15,7 +15,7 @@ from rig.core.units.quantities import unit_shown
 from rig.flight.failures import decisive_s
 from rig.show.viewer import charts, derived
 from rig.show.viewer import rerun_columns as columns
-from rig.show.viewer import state_strips as lanes
+from rig.show.viewer import state_strips as strips
 from rig.show.viewer.beside_tabs import computers_tab, servo_tab
 from rig.show.viewer.facts import Layout, Shown, Span, drawn_range
 from rig.show.viewer.plots import (
@@ -34,9 +34,9 @@ from rig.show.viewer.plots import (
     over_time,
     path,
     plot,
-    state_lanes,
-    status_lanes,
     status_now,
+    status_view,
+    strips_view,
     track,
 )
 from rig.show.viewer.scene import TIMELINE
@@ -110,7 +110,7 @@ def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
     whole = rrb.Vertical(
         _difference_plot(signal, shown),
         *([] if span is not None else [_signal_plot(signal, shown)]),
-        rrb.Horizontal(margin(), status_lanes(status_shown(shown), shown), column_shares=[_MARGIN, 1.0 - _MARGIN]),
+        rrb.Horizontal(margin(), status_view(status_shown(shown), shown), column_shares=[_MARGIN, 1.0 - _MARGIN]),
         row_shares=[2, 8] if span is not None else [2, 2, 5],
     )
     parts: list[rrb.Container] = [whole]
@@ -128,8 +128,8 @@ def _overview(signal: Signal, shown: Sequence[Shown]) -> rrb.Container:
 
 def _decisive(signal: Signal, shown: Sequence[Shown], span: tuple[float, float]) -> rrb.Container:
     top = shown[-1:]
-    name = f"zoom {span[0]:.1f} to {span[1]:.1f} s: {lanes.title(signal)}"
-    states = state_lanes(name, lanes.of_signal(signal), top, faults=signal.name, span_s=span)
+    name = f"zoom {span[0]:.1f} to {span[1]:.1f} s: {strips.title(signal)}"
+    states = strips_view(name, strips.of_signal(signal), top, faults=signal.name, span_s=span)
     return rrb.Vertical(
         _difference_plot(signal, shown, span),
         _signal_plot(signal, shown, span),
@@ -149,11 +149,11 @@ def decisive_span(shown: Sequence[Shown]) -> Span:
     return None
 
 
-def status_shown(shown: Sequence[Shown]) -> list[lanes.Lane]:
+def status_shown(shown: Sequence[Shown]) -> list[strips.Strip]:
     """Return the strips of the overview: all signals; with several flights, signals with a channel that was not ok."""
     noted = {name for flight in shown if flight.facts.seen is not None for name in flight.facts.seen.noted}
-    some = [lane for lane in lanes.STATUS if lane.path[1:] in noted][: len(SIGNALS) // len(shown)]
-    return list(lanes.STATUS) if len(shown) == 1 or not some else some
+    some = [strip for strip in strips.STATUS if strip.path[1:] in noted][: len(SIGNALS) // len(shown)]
+    return list(strips.STATUS) if len(shown) == 1 or not some else some
 
 
 def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) -> rrb.Container:
@@ -161,7 +161,7 @@ def _group_tab(group: str, signals: Sequence[Signal], shown: Sequence[Shown]) ->
         rrb.Horizontal(
             _signal_plot(s, shown),
             _deviation_plot(s, shown),
-            state_lanes(lanes.title(s), lanes.of_signal(s), shown, faults=s.name),
+            strips_view(strips.title(s), strips.of_signal(s), shown, faults=s.name),
             column_shares=[3, 3, 2] if len(shown) == 1 else [3, 2, 3],
         )
         for s in signals
@@ -224,7 +224,7 @@ def _discretes_tab(shown: Sequence[Shown]) -> rrb.Container:
     rows = []
     for discrete in DISCRETES:
         name = f"{discrete.name}: faults, channels"
-        states = state_lanes(name, lanes.of_discrete(discrete), shown, faults=discrete.name)
+        states = strips_view(name, strips.of_discrete(discrete), shown, faults=discrete.name)
         rows.append(rrb.Horizontal(_discrete_plot(discrete, shown), states, column_shares=[3, 2]))
     return rrb.Vertical(*rows, name="discretes")
 
@@ -240,7 +240,7 @@ def _discrete_plot(discrete: Discrete, shown: Sequence[Shown]) -> rrb.TimeSeries
 
 
 def _control_tab(shown: Sequence[Shown]) -> rrb.Container:
-    states = state_lanes("faults, control law", [lanes.LAW], shown, faults="")
+    states = strips_view("faults, control law", [strips.LAW], shown, faults="")
     return rrb.Grid(*(chart(content, shown) for content in charts.CONTROL), states, grid_columns=3, name="control")
 
 

@@ -20,7 +20,7 @@ from rig.log.records import AIRCRAFT, WORLD
 from rig.log.schema import POSE_TOPICS
 from rig.show.viewer import charts
 from rig.show.viewer import foxglove_panels as panel
-from rig.show.viewer import state_strips as lanes
+from rig.show.viewer import state_strips as strips
 from rig.show.viewer.blueprint import GROUPS, decisive_span, main_signal, status_shown
 from rig.show.viewer.facts import Facts, Shown
 from rig.show.viewer.foxglove_beside import beside_tabs
@@ -79,9 +79,9 @@ def layout(shown: Shown, text: str) -> dict[str, Any]:
 def _overview(panels: panel.Panels, shown: Shown, signal: Signal, span: panel.Span, text: str) -> panel.Node:
     """Arrange the headline over the whole flight, its decisive seconds and the state at the cursor."""
     facts = shown.facts
-    signals = [SIGNALS[lane.at[0]] for lane in status_shown([shown])]
+    signals = [SIGNALS[strip.at[0]] for strip in status_shown([shown])]
     patterns = [
-        panel.state(lane, plain(s.name)) for s in signals for lane in lanes.of_signal(s) if lane.field == "pattern"
+        panel.state(strip, plain(s.name)) for s in signals for strip in strips.of_signal(s) if strip.field == "pattern"
     ]
     whole = [(_signal_plot(panels, facts, signal), 2), (panels.states("patterns", patterns), 3)]
     surfaces = [(_chart(panels, facts, each), 1) for each in charts.SURFACE] if span is None else []
@@ -125,28 +125,28 @@ def _range(facts: Facts, name: str) -> panel.Span:
 
 def _signal_states(panels: panel.Panels, facts: Facts, signal: Signal, span: panel.Span = None, title: str = "") -> str:
     """Draw active faults and the states of a signal: its channels, level, pattern, decided_by, source."""
-    rows = [panel.state(lane, plain(lane.path.rsplit("/", 1)[1])) for lane in lanes.of_signal(signal)]
+    rows = [panel.state(strip, plain(strip.path.rsplit("/", 1)[1])) for strip in strips.of_signal(signal)]
     level = {"value": f"{signal.topic}.level", "label": "level", **panel.DRAWN}
-    return panels.states(f"{title}{lanes.title(signal)}", [*panel.acting(facts), *rows, level], span)
+    return panels.states(f"{title}{strips.title(signal)}", [*panel.acting(facts), *rows, level], span)
 
 
 def _bulb(panels: panel.Panels, signal: Signal, channel: int) -> str:
     """Show the state of one channel at the cursor."""
-    lane = lanes.of_signal(signal)[channel]
+    strip = strips.of_signal(signal)[channel]
     rules = [
-        {"operator": "=", "rawValue": str(code), "label": name.lower(), "color": panel.hex_of(lane.looks[name][1])}
-        for code, name in lane.states.items()
-        if name in lane.looks
+        {"operator": "=", "rawValue": str(code), "label": name.lower(), "color": panel.hex_of(strip.looks[name][1])}
+        for code, name in strip.states.items()
+        if name in strip.looks
     ]
     other = {"fallbackLabel": "not fitted", "fallbackColor": panel.hex_of(QUIET)}
-    path = panel.PATHS[lane.field, lane.at]
+    path = panel.PATHS[strip.field, strip.at]
     return panels.add("Indicator", f"channel {channel + 1}", path=path, style="bulb", rules=rules, **other)
 
 
 def _discrete(panels: panel.Panels, discrete: Discrete) -> panel.Node:
     fields = [line for line in _LINES if line[0] not in ("reference", *_CHANNEL_FIELDS[discrete.channels :])]
     paths = [panel.line(f"{discrete.topic}.{name}", "", plain(name), color, width) for name, color, width in fields]
-    states = [panel.state(lane, plain(lane.path.rsplit("/", 1)[1])) for lane in lanes.of_discrete(discrete)]
+    states = [panel.state(strip, plain(strip.path.rsplit("/", 1)[1])) for strip in strips.of_discrete(discrete)]
     drawn = panels.plot(plain(discrete.name), "", paths, (-0.1, 1.1))
     return panel.split("row", [(drawn, 3), (panels.states(f"{plain(discrete.name)}: channels", states), 2)])
 
@@ -162,7 +162,7 @@ def _chart(panels: panel.Panels, facts: Facts, chart: charts.Chart) -> str:
 
 
 def _control(panels: panel.Panels, facts: Facts) -> panel.Node:
-    law = panels.states("faults, control law", [*panel.acting(facts), panel.state(lanes.LAW, "control law")])
+    law = panels.states("faults, control law", [*panel.acting(facts), panel.state(strips.LAW, "control law")])
     return panel.grid([*(_chart(panels, facts, each) for each in charts.CONTROL), law], 3)
 
 

@@ -38,8 +38,8 @@ def _actuator(panels: panel.Panels, surface: str) -> panel.Node:
     positions.append(panel.line(f"{topic}.asked_1", "rad", "command 1", REFERENCE))
     positions.append(panel.line(f"{topic}.ram", "rad", "ram", VOTED, 3.0))
     currents = [panel.line(f"{topic}.current{end}", "", f"current{plain(end)}", color) for end, color in channels]
-    lane = servos.of_surface(surface)[0]
-    looks = {int(monitor): lane.looks[monitor.name] for monitor in ActuatorMonitor}
+    strip = servos.of_surface(surface)[0]
+    looks = {int(monitor): strip.looks[monitor.name] for monitor in ActuatorMonitor}
     rows = [panel.states_at(f"{topic}.failed_by{end}", f"channel{plain(end)}", looks) for end, _ in channels]
     plots = [
         (panels.plot(f"{surface} position", unit_shown("rad"), positions), 3.0),
@@ -58,9 +58,9 @@ def _computers(panels: panel.Panels, facts: Facts) -> panel.Node:
         rows.append(panel.states_at(f"{computers.topic(i)}.failed_for", f"lane {name}, reason", _TESTS))
     links = [
         panel.states_at(f"/ccdl.state_{COMPUTERS[a]}_{COMPUTERS[b]}", f"{COMPUTERS[a]} to {COMPUTERS[b]}", looks)
-        for (a, b), lane in zip(LINKS, computers.OF_LINKS, strict=True)
+        for (a, b), strip in zip(LINKS, computers.OF_LINKS, strict=True)
         if max(a, b) < facts.computers
-        for looks in ({code: lane.looks[state] for code, state in lane.states.items() if state != "OUTVOTED"},)
+        for looks in ({code: strip.looks[state] for code, state in strip.states.items() if state != "OUTVOTED"},)
     ]
     above = [(panels.states("faults, lanes", rows), 3.0), (panels.states("links", links), 2.0)]
     plots = [(_of_lanes(panels, facts, f"surface_{name}", plain(name.removesuffix("_rad"))), 1.0) for name in SURFACES]

@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from rig.core.units.quantities import scale_shown
 from rig.log.schema import EVENTS, MESSAGES, TOPICS_OF_ROWS
-from rig.show.viewer import state_strips as lanes
+from rig.show.viewer import state_strips as strips
 from rig.show.viewer.facts import Facts
-from rig.show.viewer.style import FAULT_LANE, PALETTE, QUIET, VOTED, Color
+from rig.show.viewer.style import FAULT_STRIP, PALETTE, QUIET, VOTED, Color
 
 Node = str | dict[str, Any]  # a panel's id, or two nodes beside or over each other
 Span = tuple[float, float] | None
@@ -79,10 +79,10 @@ def line(path: str, unit: str, label: str, color: Color, width: float = 1.5) -> 
     return {"value": turned, "label": label, "color": hex_of(color), "lineSize": width, "showLine": True, **DRAWN}
 
 
-def state(lane: lanes.Lane, label: str) -> dict[str, Any]:
+def state(strip: strips.Strip, label: str) -> dict[str, Any]:
     """Return a row of state transitions: with the labels and colours of Rerun."""
-    looks = {code: lane.looks[name] for code, name in lane.states.items() if name in lane.looks}
-    return states_at(PATHS[lane.field, lane.at], label, looks)
+    looks = {code: strip.looks[name] for code, name in strip.states.items() if name in strip.looks}
+    return states_at(PATHS[strip.field, strip.at], label, looks)
 
 
 def states_at(path: str, label: str, looks: dict[int, tuple[str, Color]]) -> dict[str, Any]:
@@ -104,9 +104,9 @@ def acting(facts: Facts) -> list[dict[str, Any]]:
     rows = []
     for byte in range((len(facts.faults) + 7) // 8):
         eight = facts.faults[8 * byte : 8 * byte + 8]
-        looks = {0: ("none", QUIET)} | {1 << bit: (fault.label, FAULT_LANE) for bit, fault in enumerate(eight)}
+        looks = {0: ("none", QUIET)} | {1 << bit: (fault.label, FAULT_STRIP) for bit, fault in enumerate(eight)}
         named = {"label": "faults" if byte == 0 else f"faults {8 * byte + 1} on"}
-        states = custom(looks, ("several", FAULT_LANE))
+        states = custom(looks, ("several", FAULT_STRIP))
         rows.append({"value": PATHS["acting", (byte,)], **named, "customStates": states, **DRAWN})
     return rows
 

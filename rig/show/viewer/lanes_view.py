@@ -21,7 +21,7 @@ from rig.core.frame import COMPUTERS, LINKS, SURFACES, DecidedBy, Health, LaneTe
 from rig.core.units.quantities import scale_shown, unit_of_name
 from rig.flight.lane_events import test_name
 from rig.show.viewer.charts import spanned
-from rig.show.viewer.state_strips import Beside, Entity, Lane
+from rig.show.viewer.state_strips import Beside, Entity, Strip
 from rig.show.viewer.style import (
     ALL_FAILED,
     CHANNEL_COLORS,
@@ -59,7 +59,7 @@ def topic(lane: int) -> str:
     return f"/computer/{COMPUTERS[lane]}"
 
 
-def _health(lane: int) -> Lane:
+def _health(lane: int) -> Strip:
     """Return the states of the health of a computer; the name of a state includes the test that failed it."""
     looks: Looks = {
         "ABSENT": _NOT_FITTED,
@@ -73,10 +73,10 @@ def _health(lane: int) -> Lane:
         if LaneTest.NONE < test < LaneTest.COMMANDED:
             name = f"FAILED_{test.name}"
             looks[name], states[Health.FAILED << _TEST_BITS | test] = (f"failed: {test_name(test)}", FAILED), name
-    return Lane(f"/lane_{COMPUTERS[lane]}", "health", (lane,), states, looks)
+    return Strip(f"/lane_{COMPUTERS[lane]}", "health", (lane,), states, looks)
 
 
-def _reported(lane: int) -> Lane:
+def _reported(lane: int) -> Strip:
     """Return the states of the reports on a computer: a bit for each lane that reports it."""
     looks: Looks = {"NONE": ("no lane", QUIET)}
     states = {0: "NONE"}
@@ -85,21 +85,21 @@ def _reported(lane: int) -> Lane:
             names = [COMPUTERS[i] for i in reporters]
             states[sum(1 << i for i in reporters)] = name = f"BY_{''.join(names)}"
             looks[name] = f"by {', '.join(names)}", SUSPECT
-    return Lane(f"/lane_{COMPUTERS[lane]}/reported_by", "accuses", (lane,), states, looks)
+    return Strip(f"/lane_{COMPUTERS[lane]}/reported_by", "accuses", (lane,), states, looks)
 
 
-def _leading() -> Lane:
+def _leading() -> Strip:
     looks: Looks = {name: (name, CHANNEL_COLORS[i]) for i, name in enumerate(COMPUTERS)}
     looks["BACKUP"] = ("back-up", ALL_FAILED)
-    return Lane("/leading_lane", "leads", (), dict(enumerate(looks)), looks)
+    return Strip("/leading_lane", "leads", (), dict(enumerate(looks)), looks)
 
 
-def _vote(surface: int) -> Lane:
+def _vote(surface: int) -> Strip:
     """Return the states of the vote of commands of one of SURFACES."""
     looks = {**attention(Pattern, Pattern.NORMAL), "UNRESOLVED": ("unresolved", ALL_FAILED)}
     states = {int(pattern): pattern.name for pattern in Pattern}
     states |= {pattern | _UNRESOLVED: "UNRESOLVED" for pattern in Pattern}
-    return Lane(f"/vote_{SURFACES[surface].removesuffix('_rad')}", "command_pattern", (surface,), states, looks)
+    return Strip(f"/vote_{SURFACES[surface].removesuffix('_rad')}", "command_pattern", (surface,), states, looks)
 
 
 _LINK_LOOKS: Final[Looks] = {
@@ -112,11 +112,11 @@ _LINK_LOOKS: Final[Looks] = {
 }
 
 
-def _link(sender: int, receiver: int) -> Lane:
+def _link(sender: int, receiver: int) -> Strip:
     states = {int(state): state.name for state in LinkState}
     states |= {state | _OUTVOTED: state.name if state == LinkState.FAILED else "OUTVOTED" for state in LinkState}
     path = f"/{COMPUTERS[sender]}_to_{COMPUTERS[receiver]}"
-    return Lane(path, "link", (receiver, sender), states, _LINK_LOOKS)
+    return Strip(path, "link", (receiver, sender), states, _LINK_LOOKS)
 
 
 LEADING: Final = _leading()
@@ -124,12 +124,12 @@ HEALTH: Final = tuple(map(_health, range(len(COMPUTERS))))
 REPORTED: Final = tuple(map(_reported, range(len(COMPUTERS))))
 VOTES: Final = tuple(map(_vote, range(len(SURFACES))))
 OF_LINKS: Final = tuple(_link(sender, receiver) for sender, receiver in LINKS)
-LANES: Final = (*HEALTH, LEADING, *REPORTED, *VOTES, *OF_LINKS)
+STRIPS: Final = (*HEALTH, LEADING, *REPORTED, *VOTES, *OF_LINKS)
 
 
-def fitted(lanes: tuple[Lane, ...], count: int) -> list[Lane]:
+def fitted(strips: tuple[Strip, ...], count: int) -> list[Strip]:
     """Return those of HEALTH, REPORTED or OF_LINKS that ``count`` computers have."""
-    return [lane for lane in lanes if max(lane.at) < count]
+    return [strip for strip in strips if max(strip.at) < count]
 
 
 def leading(table: Table) -> NDArray[np.intp]:
@@ -138,20 +138,20 @@ def leading(table: Table) -> NDArray[np.intp]:
     return np.where(leads.any(axis=1), leads.argmax(axis=1), BACKUP)
 
 
-def codes(table: Table, lane: Lane) -> NDArray[Any]:
-    """Return the code of a strip of LANES in each row (n,)."""
+def codes(table: Table, strip: Strip) -> NDArray[Any]:
+    """Return the code of a strip of STRIPS in each row (n,)."""
     rows = table.lane
-    if lane.field == "leads":
+    if strip.field == "leads":
         return leading(table)
-    if lane.field == "health":
-        return rows["health"][:, lane.at[0]] << _TEST_BITS | rows["failed_for"][:, lane.at[0]]
-    if lane.field == "accuses":
-        return np.packbits(rows["accuses"][:, :, lane.at[0]] != 0, axis=1, bitorder="little")[:, 0]
-    if lane.field == "link":
-        receiver, sender = lane.at
+    if strip.field == "health":
+        return rows["health"][:, strip.at[0]] << _TEST_BITS | rows["failed_for"][:, strip.at[0]]
+    if strip.field == "accuses":
+        return np.packbits(rows["accuses"][:, :, strip.at[0]] != 0, axis=1, bitorder="little")[:, 0]
+    if strip.field == "link":
+        receiver, sender = strip.at
         outvoted = np.where(rows["outvoted"][:, receiver, sender] != 0, _OUTVOTED, 0)
         return rows["link"][:, receiver, sender] | outvoted
-    whose = np.minimum(leading(table), len(COMPUTERS) - 1), lane.at[0]
+    whose = np.minimum(leading(table), len(COMPUTERS) - 1), strip.at[0]
     k = np.arange(len(rows))
     unresolved = rows["command_decided_by"][k, *whose] == DecidedBy.UNRESOLVED
     return rows["command_pattern"][k, *whose] | np.where(unresolved, _UNRESOLVED, 0)
@@ -177,4 +177,4 @@ def entities(table: Table) -> Iterator[Entity]:
         yield Entity(topic(i), VALUES, values(table, i))
 
 
-SHOWN: Final = Beside("computer", LEGEND, LEGEND_LINES, LANES, codes, entities)
+SHOWN: Final = Beside("computer", LEGEND, LEGEND_LINES, STRIPS, codes, entities)

@@ -17,7 +17,7 @@ from rig.core.frame import CHANNELS, SIGNALS, Block, S, State
 from rig.show.viewer.style import (
     CHANNEL_COLORS,
     CHANNEL_NAMES,
-    FAULT_LANE,
+    FAULT_STRIP,
     QUIET,
     REFERENCE,
     STATE_LOOKS,
@@ -43,7 +43,7 @@ _LINES: Final = (
     ("truth", TRUTH),
     ("reference", REFERENCE),
     ("threshold", THRESHOLD),
-    ("fault active", FAULT_LANE),
+    ("fault active", FAULT_STRIP),
 )
 
 

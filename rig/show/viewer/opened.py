@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from rig.core.ending import ending
 from rig.core.errors import BadInput, BadLog, RigError
 from rig.core.files import replaced, reported
 from rig.core.text import plain
@@ -89,8 +90,10 @@ def _words(name: str, log: Log) -> str:
     parts = [
         scenario.get("title") or scenario.get("aircraft", ""),
         f"seed {log.metadata['seed']}" if "seed" in log.metadata else "",
-        f"{len(log.rows) / log.rate_hz:g} s at {log.rate_hz:g} Hz",
-        result.get("end_reason", "not finished"),
+        f"{log.rate_hz:g} Hz",
+        ending(result.get("survived") == "True", result.get("end_reason", ""), log.frames, log.rate_hz)
+        if result
+        else f"not finished, {log.frames / log.rate_hz:g} s",
     ]
     return f"**{name}** " + "; ".join(filter(None, parts))
 

@@ -20,8 +20,8 @@ from rig.show.viewer.derived import DEGREE_NAMES, DEGREES
 from rig.show.viewer.facts import Shown, Span, drawn_range
 from rig.show.viewer.rerun_columns import Bars
 from rig.show.viewer.scene import ABOUT, HORIZON, MARGIN, NUMBERS, TIMELINE, WORLD
-from rig.show.viewer.state_strips import ENDS, Lane, fault_path
-from rig.show.viewer.style import ACTING, COLOR_NAMES, FAULT_LANE, PALETTE, QUIET, Color, Looks, shade
+from rig.show.viewer.state_strips import ENDS, Strip, fault_path
+from rig.show.viewer.style import ACTING, COLOR_NAMES, FAULT_STRIP, PALETTE, QUIET, Color, Looks, shade
 
 
 class Line(NamedTuple):
@@ -150,21 +150,21 @@ def _drawn(name: str) -> tuple[str, str, str]:
     return topic, f"rig.{topic[1:].title().replace('_', '')}", field
 
 
-def status_lanes(lanes: Sequence[Lane], shown: Sequence[Shown]) -> rrb.StateTimelineView:
+def status_view(strips: Sequence[Strip], shown: Sequence[Shown]) -> rrb.StateTimelineView:
     """Build a strip for each signal with all its channels; with several flights, those of a signal together."""
-    looks = {**ENDS, **lanes[0].looks}
+    looks = {**ENDS, **strips[0].looks}
     return rrb.StateTimelineView(
         name="channels of each signal: blue ok, yellow suspect, red failed, dark red all",
         origin="/",
-        contents=[flight.root + lane.path for lane in lanes for flight in shown],
+        contents=[flight.root + strip.path for strip in strips for flight in shown],
         defaults=[_configuration(looks)],
         time_view=time_axis(shown),
     )
 
 
-def state_lanes(
+def strips_view(
     name: str,
-    lanes: Sequence[Lane],
+    strips: Sequence[Strip],
     shown: Sequence[Shown],
     faults: str | None = None,
     span_s: Span = None,
@@ -177,15 +177,15 @@ def state_lanes(
     views = []
     for flight in shown:
         own: dict[Any, Any] = {
-            flight.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_LANE)})
+            flight.root + fault_path(i): _configuration({ACTING: (fault.label, FAULT_STRIP)})
             for i, fault in enumerate(flight.facts.faults)
             if faults is not None and flight.facts.thresholds and (not faults or faults in fault.places)
         }
         common, contents = dict[str, Any](ENDS), list(own)
-        for lane in lanes:
-            contents.append(flight.root + lane.path)
-            if any(common.setdefault(state, look) != look for state, look in lane.looks.items()):
-                own[flight.root + lane.path] = _configuration(lane.looks)
+        for strip in strips:
+            contents.append(flight.root + strip.path)
+            if any(common.setdefault(state, look) != look for state, look in strip.looks.items()):
+                own[flight.root + strip.path] = _configuration(strip.looks)
         views.append(
             rrb.StateTimelineView(
                 name=flight.prefix + name,

@@ -37,11 +37,11 @@ from numpy.typing import NDArray
 from rig.core.event import Event
 from rig.core.frame import Block, End, Table
 from rig.flight.time_histogram import BINS, EDGES_US, binned
-from rig.log.schema import BOOL, FRAME_TOPICS, LANE_MESSAGES, MESSAGES, TOPICS_OF_ROWS, Field, Topic
+from rig.log.schema import BOOL, FRAME_TOPICS, MESSAGES, PART_MESSAGES, TOPICS_OF_ROWS, Field, Topic
 from rig.show.viewer import derived, matrix
 from rig.show.viewer import lanes_view as computers
 from rig.show.viewer import servo_series as servos
-from rig.show.viewer import state_strips as lanes
+from rig.show.viewer import state_strips as strips
 from rig.show.viewer.facts import UNKNOWN, Facts
 from rig.show.viewer.scene import Scene, time_column
 from rig.show.viewer.style import OVER, PALETTE, VOTED, Color
@@ -128,12 +128,12 @@ class Columns:
             if topic.message == "rig.Control":
                 components.append(_values(derived.DEGREES, derived.degrees(rows)))
             self._columns(topic.name, time, [column for component in components for column in component])
-        for change in lanes.changes(rows, self._before, self._facts.faults):
+        for change in strips.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
             self._columns(change.path, [time_column(nanoseconds[change.rows])], states)
         for of in BESIDE:
             if of.part in table.parts:
-                self._lanes(of, table, nanoseconds)
+                self._draw_beside(of, table, nanoseconds)
         self._last = table[-1:].copy()
         self._matrix(rows, nanoseconds)
         self._scene.send(rows, nanoseconds)
@@ -144,7 +144,7 @@ class Columns:
         if rows["end"][-1] != End.FLYING:
             self._ends(End(rows["end"][-1]).name, rows["frame"][-1:])
 
-    def _lanes(self, of: lanes.Beside, table: Table, nanoseconds: NDArray[np.float64]) -> None:
+    def _draw_beside(self, of: strips.Beside, table: Table, nanoseconds: NDArray[np.float64]) -> None:
         if self._last is None:
             rr.log(of.legend, matrix.strip(of.legend_lines), static=True, recording=self._recording)
         for entity in of.entities(table):
@@ -159,7 +159,7 @@ class Columns:
     def _matrix(self, rows: Block, nanoseconds: NDArray[np.float64]) -> None:
         if self._before is None:
             rr.log(self._root + matrix.NAMES, matrix.names(), static=True, recording=self._recording)
-        changed = lanes.moved(rows["state"], None if self._before is None else self._before["state"])
+        changed = strips.moved(rows["state"], None if self._before is None else self._before["state"])
         if len(changed):
             self._columns(matrix.PATH, [time_column(nanoseconds[changed])], matrix.columns(rows, changed))
 
@@ -170,8 +170,10 @@ class Columns:
 
     def _ends(self, how: str, frame: NDArray[Any]) -> None:
         time = [time_column(np.rint(frame * (1e9 / self._rate_hz)))]
-        ends = list(lanes.ends(how, self._facts.faults))
-        ends += [(lane.path, how) for of in BESIDE if self._last and of.part in self._last.parts for lane in of.lanes]
+        ends = list(strips.ends(how, self._facts.faults))
+        ends += [
+            (strip.path, how) for of in BESIDE if self._last and of.part in self._last.parts for strip in of.strips
+        ]
         for path, state in ends:
             self._columns(path, time, rr.StateChange.columns(state=[state]))
 
@@ -209,7 +211,7 @@ def words(event: Event) -> str:
 
 def struct(rows: Block, topic: Topic) -> pa.StructArray:
     """Return the fields of a topic's message in every row, one struct each."""
-    message = {**MESSAGES, **LANE_MESSAGES}[topic.message]
+    message = {**MESSAGES, **PART_MESSAGES}[topic.message]
     arrays = {field.name: _array(field, rows[field.source][(slice(None), *topic.at(field))]) for field in message}
     fields = [pa.field(name, array.type, nullable=False) for name, array in arrays.items()]
     return pa.StructArray.from_arrays(list(arrays.values()), fields=fields)

@@ -13,12 +13,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, LANE_FIELDS, MOVED, ActuatorMonitor, Table
+from rig.core.frame import CHANNELS, MOVED, SERVO_FIELDS, ActuatorMonitor, Table
 from rig.core.frame.fields import elements
 from rig.core.units.quantities import scale_shown
-from rig.log.schema import LANE_TOPICS
+from rig.log.schema import PART_TOPICS
 from rig.show.viewer.charts import spanned
-from rig.show.viewer.state_strips import Beside, Entity, Lane
+from rig.show.viewer.state_strips import Beside, Entity, Strip
 from rig.show.viewer.style import (
     ALL_FAILED,
     CHANNEL_COLORS,
@@ -45,7 +45,7 @@ DRAWN: Final = (
     "current",
     "pressure",
 )
-FIELD: Final = {field.name: field for field in LANE_FIELDS}
+FIELD: Final = {field.name: field for field in SERVO_FIELDS}
 NAMES: Final = tuple(name for field in DRAWN for name, _ in elements(FIELD[field]))
 _BYPASSED: Final = CHANNELS + 1
 _MONITORS: Final[Looks] = {
@@ -63,7 +63,7 @@ _HELD: Final[Looks] = {
 
 
 class Plot(NamedTuple):
-    """A plot of each surface: its fields of LANES, and the axis; None: fitted to the flight."""
+    """A plot of each surface: its fields of SERVO, and the axis; None: fitted to the flight."""
 
     name: str
     fields: tuple[str, ...]
@@ -115,32 +115,32 @@ def ranges(table: Table, part: slice = slice(None)) -> dict[str, tuple[float, fl
     return {topic(surface): spanned(values(table[part], i)[:, wanted].ravel(), 2.0) for i, surface in enumerate(MOVED)}
 
 
-def of_surface(surface: str) -> list[Lane]:
+def of_surface(surface: str) -> list[Strip]:
     """Return the strips of a surface: its channels, and the number of them that move it."""
     i = MOVED.index(surface)
     monitors = {int(monitor): monitor.name for monitor in ActuatorMonitor} | {_WITH_COMPUTER: "WITH_COMPUTER"}
-    channels = [Lane(f"/{surface}/channel_{c + 1}", "failed_by", (i, c), monitors, _MONITORS) for c in range(CHANNELS)]
-    return [*channels, Lane(f"/{surface}/moved_by", "", (i,), dict(enumerate(_HELD)), _HELD)]
+    channels = [Strip(f"/{surface}/channel_{c + 1}", "failed_by", (i, c), monitors, _MONITORS) for c in range(CHANNELS)]
+    return [*channels, Strip(f"/{surface}/moved_by", "", (i,), dict(enumerate(_HELD)), _HELD)]
 
 
-LANES: Final = tuple(lane for surface in MOVED for lane in of_surface(surface))
+STRIPS: Final = tuple(strip for surface in MOVED for strip in of_surface(surface))
 
 
 def entities(table: Table) -> Iterator[Entity]:
     """Yield the lists of each surface."""
-    for i, of in enumerate(LANE_TOPICS["servo"]):
+    for i, of in enumerate(PART_TOPICS["servo"]):
         yield Entity(of.name, VALUES, values(table, i), of)
 
 
-def _codes(table: Table, lane: Lane) -> NDArray[Any]:
+def _codes(table: Table, strip: Strip) -> NDArray[Any]:
     """Return the code of a strip in each row."""
-    rows = table.servo[:, lane.at[0]]
+    rows = table.servo[:, strip.at[0]]
     by, shut = rows["failed_by"], rows["valve"] != 0
-    if lane.field:
-        c = lane.at[1]
+    if strip.field:
+        c = strip.at[1]
         return np.where(shut[:, c] & (by[:, c] == ActuatorMonitor.NONE), _WITH_COMPUTER, by[:, c])
     held = ((by == ActuatorMonitor.NONE) & ~shut).sum(axis=1)
     return np.where(rows["bypassed"] != 0, _BYPASSED, held)
 
 
-SHOWN: Final = Beside("servo", LEGEND, LEGEND_LINES, LANES, _codes, entities)
+SHOWN: Final = Beside("servo", LEGEND, LEGEND_LINES, STRIPS, _codes, entities)

@@ -28,9 +28,9 @@ from rig.core.frame import (
     DecidedBy,
     Discrete,
     End,
-    LanePart,
     Law,
     Pattern,
+    RowPart,
     Signal,
     Source,
     State,
@@ -44,7 +44,7 @@ from rig.show.viewer.style import ACTING, ALL_FAILED, ENDED, OVER, STATE_LOOKS, 
 _SHORT_LOOKS: Final[Looks] = {**STATE_LOOKS, "SUSPECT": ("?", SUSPECT)}
 
 
-class Lane(NamedTuple):
+class Strip(NamedTuple):
     """One strip: its path in the viewer, its field of FRAME, its states by their codes, their looks."""
 
     path: str
@@ -62,34 +62,34 @@ class Changes(NamedTuple):
     states: list[str]
 
 
-def _lane(path: str, field: str, at: tuple[int, ...], looks: Looks) -> Lane:
-    return Lane(path, field, at, {int(member): member.name for member in FIELD[field].enum or ()}, looks)
+def _strip(path: str, field: str, at: tuple[int, ...], looks: Looks) -> Strip:
+    return Strip(path, field, at, {int(member): member.name for member in FIELD[field].enum or ()}, looks)
 
 
-def _channels(home: str, field: str, index: int, channels: int) -> list[Lane]:
-    return [_lane(f"{home}/channel_{c + 1}", field, (index, c), _SHORT_LOOKS) for c in range(channels)]
+def _channels(home: str, field: str, index: int, channels: int) -> list[Strip]:
+    return [_strip(f"{home}/channel_{c + 1}", field, (index, c), _SHORT_LOOKS) for c in range(channels)]
 
 
-def of_signal(signal: Signal) -> list[Lane]:
+def of_signal(signal: Signal) -> list[Strip]:
     """Return the strips of one signal: its channels, its pattern, the deciding rule, the source of the control law."""
     s, home = SIGNALS.index(signal), f"/{signal.name}"
     return [
         *_channels(home, "state", s, signal.channels),
-        _lane(f"{home}/pattern", "pattern", (s,), attention(Pattern, Pattern.NORMAL)),
-        _lane(f"{home}/decided_by", "decided_by", (s,), attention(DecidedBy, DecidedBy.NONE)),
-        _lane(f"{home}/source", "source", (s,), attention(Source, Source.VOTED)),
+        _strip(f"{home}/pattern", "pattern", (s,), attention(Pattern, Pattern.NORMAL)),
+        _strip(f"{home}/decided_by", "decided_by", (s,), attention(DecidedBy, DecidedBy.NONE)),
+        _strip(f"{home}/source", "source", (s,), attention(Source, Source.VOTED)),
     ]
 
 
-def of_discrete(discrete: Discrete) -> list[Lane]:
+def of_discrete(discrete: Discrete) -> list[Strip]:
     """Return the strips of one discrete: its channels."""
     return _channels(f"/{discrete.name}", "discrete_state", DISCRETES.index(discrete), discrete.channels)
 
 
-def status(signal: Signal) -> Lane:
+def status(signal: Signal) -> Strip:
     """Return the strip of all channels of one signal together."""
     s = SIGNALS.index(signal)
-    return Lane(f"/{signal.name}", "state", (s,), dict(enumerate(_together())), _together())
+    return Strip(f"/{signal.name}", "state", (s,), dict(enumerate(_together())), _together())
 
 
 @cache
@@ -115,14 +115,16 @@ def _label_of(states: Sequence[State]) -> tuple[str, tuple[int, int, int]]:
     return "; ".join(texts) or "ok", color
 
 
-LAW: Final = _lane("/control_law", "law", (), attention(Law, Law.AUTOPILOT))
-LANES: Final = tuple(
-    lane for lanes in (*map(of_signal, SIGNALS), *map(of_discrete, DISCRETES), [LAW]) for lane in lanes
+LAW: Final = _strip("/control_law", "law", (), attention(Law, Law.AUTOPILOT))
+STRIPS: Final = tuple(
+    strip for strips in (*map(of_signal, SIGNALS), *map(of_discrete, DISCRETES), [LAW]) for strip in strips
 )
 STATUS: Final = tuple(map(status, SIGNALS))
-_BY_FIELD: Final = {field: [lane for lane in LANES if lane.field == field] for field in {la.field: 0 for la in LANES}}
+_BY_FIELD: Final = {
+    field: [strip for strip in STRIPS if strip.field == field] for field in {each.field: 0 for each in STRIPS}
+}
 ENDS: Final[Looks] = {
-    **{end.name: (f"lost: {end.label}", ENDED) for end in End if end != End.FLYING},
+    **{end.name: (f"lost: {end.cause}", ENDED) for end in End if end != End.FLYING},
     OVER: ("flight over", ENDED),
 }
 
@@ -150,18 +152,18 @@ def codes(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def changes(rows: Block, before: Block | None, faults: Sequence[Any]) -> Iterator[Changes]:
     """Yield the changes in ``rows`` of any strip, after the row ``before`` (1,); None: all strips begin here."""
-    for field, lanes in _BY_FIELD.items():
+    for field, strips in _BY_FIELD.items():
         values, last = rows[field], None if before is None else before[field]
         if last is not None and (values == last).all():
             continue  # nearly always, and at once for all its strips
-        for lane in lanes:
-            place = (slice(None), *lane.at)
-            yield from changed(lane.path, lane.states, values[place], None if last is None else last[place])
+        for strip in strips:
+            place = (slice(None), *strip.at)
+            yield from changed(strip.path, strip.states, values[place], None if last is None else last[place])
         if field == "state":
             together, before_them = codes(values), None if last is None else codes(last)
-            for s, lane in enumerate(STATUS):
+            for s, strip in enumerate(STATUS):
                 last_of = None if before_them is None else before_them[:, s]
-                yield from changed(lane.path, lane.states, together[:, s], last_of)
+                yield from changed(strip.path, strip.states, together[:, s], last_of)
     acts, last_acts = acting(rows, len(faults)), None if before is None else acting(before, len(faults))
     for i in range(len(faults)):
         last = np.zeros(1, np.uint8) if last_acts is None else last_acts[:, i]
@@ -177,7 +179,7 @@ def changed(path: str, states: dict[int, str], values: NDArray[Any], last: NDArr
 
 def ends(how: str, faults: Sequence[Any]) -> Iterator[tuple[str, str]]:
     """Yield the last state of every strip of a flight that ends before the picture; ``how`` of ENDS."""
-    yield from ((lane.path, how) for lane in (*LANES, *STATUS))
+    yield from ((strip.path, how) for strip in (*STRIPS, *STATUS))
     yield from ((fault_path(i), "") for i in range(len(faults)))
 
 
@@ -200,15 +202,15 @@ class Entity(NamedTuple):
 class Beside(NamedTuple):
     """A part of the second row, and the functions that draw it."""
 
-    part: LanePart
+    part: RowPart
     legend: str  # entity
     legend_lines: Sequence[tuple[str, Color]]
-    lanes: Sequence[Lane]
-    codes: Callable[[Table, Lane], NDArray[Any]]  # the state of a strip in each row
+    strips: Sequence[Strip]
+    codes: Callable[[Table, Strip], NDArray[Any]]  # the state of a strip in each row
     entities: Callable[[Table], Iterator[Entity]]
 
     def changes(self, rows: Table, before: Table | None) -> Iterator[Changes]:
         """Yield the changes in ``rows`` of any strip, after the row ``before`` (1,); None: all strips begin here."""
-        for lane in self.lanes:
-            last = None if before is None else self.codes(before, lane)
-            yield from changed(lane.path, lane.states, self.codes(rows, lane), last)
+        for strip in self.strips:
+            last = None if before is None else self.codes(before, strip)
+            yield from changed(strip.path, strip.states, self.codes(rows, strip), last)

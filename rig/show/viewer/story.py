@@ -127,9 +127,11 @@ class Story:
         """Return one line: the outcome and the failures.
 
         SURVIVED: pitch rate, channel 3, isolated at 20.07 s, 70 ms after onset, by comparison
+        LOST at 10.60 s: angle of attack beyond its limit; no channel isolated
         """
         if self.end != End.FLYING:
-            outcome = f"LOST at {seconds(self.last, self._rate_hz)}, {self.end.label}"
+            outcome = f"LOST at {seconds(self.last, self._rate_hz)}: {self.end.cause}"
+            return f"{outcome}; {self._failed() if self.isolations else self._acted()}"
         return f"{outcome}: {self._failed() if self.isolations else self._acted()}"
 
     def _failed(self) -> str:

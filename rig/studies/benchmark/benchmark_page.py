@@ -23,7 +23,7 @@ Row = dict[str, Any]
 def write(path: Path, result: dict[str, Any]) -> None:
     """Write the page of ``result``, as of run_benchmark.py: verdict, and pictures with the reference as flown."""
     title = f"Calibrated to {result['budget_per_h']:g} false isolations an hour and signal on {result['hours']:.3g} h"
-    entrants = list(dict.fromkeys(row["entrant"] for row in result["levels"]))
+    entrants = list(dict.fromkeys(row["manager"] for row in result["levels"]))
     figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
     about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
     write_page(path, "benchmark.html", figures, {}, **about)
@@ -34,7 +34,7 @@ def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
     for key in dict.fromkeys(map(_key, rows)):
         figure = go.Figure()
         for name in entrants:
-            mine = [row for row in rows if _key(row) == key and row["entrant"] == name]
+            mine = [row for row in rows if _key(row) == key and row["manager"] == name]
             figure.add_scatter(x=_apart(mine, "size", name, entrants), **_isolated(mine), **_line(name, entrants))
         title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
         lay_out(figure, title, _HEIGHT)
@@ -50,7 +50,7 @@ def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
         for what in ("median delay, s", "share isolated"):
             figure = go.Figure()
             for name in entrants:
-                mine = [row for row in rows if (row["signal"], row["faults"]) == key and row["entrant"] == name]
+                mine = [row for row in rows if (row["signal"], row["faults"]) == key and row["manager"] == name]
                 if len(mine) > 1:
                     share = what.startswith("share")
                     values = _isolated(mine) if share else {"y": [row["delay_median_s"] for row in mine]}

@@ -42,7 +42,7 @@ SCHEMA: Final[dict[str, Any]] = {
     "size": pl.Float64,  # thresholds, or a second of them; null for a kind without one
     "reference": pl.String,
     "budget_per_h": pl.Float64,
-    "entrant": pl.String,
+    "manager": pl.String,
     "outcome": pl.String,
     "delay_s": pl.Float64,  # from the onset to the last isolation, of the isolated
     "peak": pl.Float64,  # largest vote error from the last onset on, thresholds
@@ -110,7 +110,7 @@ class Runner:
                 others = mine.others if state == STATES[0] else []
                 for budget, values in [(self._told.budget_per_h, mine.values), *others]:
                     results = _fly(entrant, signal, values, made, seen, streams)
-                    columns = {"reference": state, "budget_per_h": budget, "entrant": entrant.name}
+                    columns = {"reference": state, "budget_per_h": budget, "manager": entrant.name}
                     frames.append(_frame(made, unit, trials, {**columns, **became(made, trials.onset, results)}))
         return pl.concat(frames)
 

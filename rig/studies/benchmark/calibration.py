@@ -22,13 +22,13 @@ from rig.core.errors import BadInput
 from rig.core.runs import cluster_starts
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
-    BIASED,
+    EQUALISED,
     SLOW_FAULTS,
     Entrant,
     Level,
     OfSignal,
     designed_values,
-    fails_nobody,
+    isolates_no_channel,
     levels,
     with_settings_of,
 )
@@ -51,7 +51,7 @@ _AMOUNTS: Final = ("threshold", "outlier_threshold", "equalise_bound", "slow_") 
 class Calibrated:
     """The calibrated settings of one manager for one signal, the events in the data that support them, and notes."""
 
-    entrant: str
+    manager: str
     signal: str
     values: dict[str, Any] = field(default_factory=dict)  # as entrants.manager takes them
     shown: dict[str, float] = field(default_factory=dict)  # in thresholds, or as a baseline manager has them
@@ -67,7 +67,7 @@ class Calibrated:
 
 
 LEVELS: Final = (
-    *(Column("signal"), Column("manager", "entrant")),
+    *(Column("signal"), Column("manager")),
     Column("told", lambda row: ", ".join(f"{name} {value:.4g}" for name, value in row["shown"].items())),
     *(Column("events", "clusters", worth=7), Column("extrapolated", "extrapolation", ".3g", "times", worth=8)),
     Column("seen", worth=6),
@@ -95,7 +95,7 @@ def calibrate(
     signal = with_settings_of(signal, entrant, given)
     asked = levels(entrant, signal)
     if not asked and not entrant.designed:
-        seen = None if fails_nobody(entrant, signal) else isolations(entrant, signal, {}, flights)
+        seen = None if isolates_no_channel(entrant, signal) else isolations(entrant, signal, {}, flights)
         return Calibrated(entrant.name, signal.name, given, seen=seen)
     made = _design if entrant.designed else _levels
     found = made(entrant, signal, healthy, (budget_per_h, *others))
@@ -137,7 +137,7 @@ def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
     if chosen is None:
         raise too_few(signal, healthy.hours, 0, entrant.name)
     settings, notes = chosen.settings(signal.given), list[str]()
-    if entrant.name == BIASED and not chosen.outliers:
+    if entrant.name == EQUALISED and not chosen.outliers:
         notes.append(f"{signal.name}: channel equalisation does not lower the threshold; it is off")
     amounts = [(name, value) for name, value in chosen.keys().items() if name.startswith(_AMOUNTS)]
     pairs = zip(budgets[1:], made[1:], strict=True)
@@ -162,7 +162,7 @@ def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h
     """
     flights = healthy.flights[signal.name]
     blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
-    slow_faults: dict[str, Sequence[Rule]] = {BIASED: ["bias"], SLOW_FAULTS: RULES}
+    slow_faults: dict[str, Sequence[Rule]] = {EQUALISED: ["bias"], SLOW_FAULTS: RULES}
     persistence = (int(signal.params["persistence"][0]),)
     grid = Grid(
         budget_per_h,

@@ -1,8 +1,8 @@
 """The managers that a benchmark compares, and the setting of each that a calibration chooses.
 
 The built-in manager takes part four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the
-same with channel equalisation, with all slow-fault rules, and as shipped.  Amounts are in thresholds of the signal in
-the campaign's scenario.
+same with channel equalisation, with all slow-fault rules, and with its built-in settings.  Amounts are in thresholds of
+the signal in the campaign's scenario.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rig.scenario.scenario import Scenario
 from rig.studies.benchmark.own_class import calibrated_number
 
 OURS: Final = DEFAULT
-BIASED, SLOW_FAULTS, SHIPPED = f"{OURS} bias", f"{OURS} slow", f"{OURS} shipped"
+EQUALISED, SLOW_FAULTS, BUILT_IN = f"{OURS} equalised", f"{OURS} slow", f"{OURS} built-in"
 UNBOUNDED: Final = "unbounded"
 VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of baseline managers, named behind one: "cusum 60 guess"
     "guess": {"ties": "guess"},
@@ -73,7 +73,7 @@ class Entrant(NamedTuple):
     @property
     def designed(self) -> bool:
         """Return True if ``rig thresholds`` designs the thresholds of this row."""
-        return self.is_ours and self.name != SHIPPED
+        return self.is_ours and self.name != BUILT_IN
 
 
 class OfSignal(NamedTuple):
@@ -105,7 +105,7 @@ def entrants(managers: str) -> list[Entrant]:
     others = [_entrant(name) for name in names if name != OURS]
     if not others:
         raise BadInput(f"--managers: name one or more besides {OURS}: {', '.join(MANAGERS[1:])}, or module:name")
-    return [*(Entrant(name, OURS) for name in (OURS, BIASED, SLOW_FAULTS, SHIPPED)), *others]
+    return [*(Entrant(name, OURS) for name in (OURS, EQUALISED, SLOW_FAULTS, BUILT_IN)), *others]
 
 
 def _entrant(name: str) -> Entrant:
@@ -154,7 +154,7 @@ def _least(bounds: Sequence[object]) -> float:
     return max((float(getattr(bound, "ge", 0.0)) for bound in bounds), default=0.0)
 
 
-def fails_nobody(entrant: Entrant, signal: OfSignal) -> bool:
+def isolates_no_channel(entrant: Entrant, signal: OfSignal) -> bool:
     """Return True for a manager without a threshold, which is compared by its vote error alone."""
     return not entrant.is_ours and not levels(entrant, signal)
 

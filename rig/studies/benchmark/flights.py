@@ -54,7 +54,7 @@ class Flier:
             scenario = flight_scenario(self._plan, unit, trial, values)
             for entrant in self._told.entrants:
                 mine = self._told.calibrated[entrant.name, signal.name]
-                rows.append({"trial": trial, "entrant": entrant.name, **_flown(scenario, entrant, signal, mine, made)})
+                rows.append({"trial": trial, "manager": entrant.name, **_flown(scenario, entrant, signal, mine, made)})
         fault = made.scenario.faults[made.tested]
         common = {"combination": unit.number, "signal": fault.signal, "kind": fault.kind, "size": None}
         told = {"faults": len(made.scenario.faults), "reference": STATES[0], "budget_per_h": self._told.budget_per_h}

@@ -13,7 +13,7 @@ from rig.core.column import Column
 from rig.core.runs import cluster_starts
 from rig.core.threads import heed
 from rig.studies.benchmark.calibration_data import Flight
-from rig.studies.benchmark.entrants import Entrant, OfSignal, Values, fails_nobody, levels, manager
+from rig.studies.benchmark.entrants import Entrant, OfSignal, Values, isolates_no_channel, levels, manager
 from rig.studies.benchmark.own_class import voted
 from rig.studies.campaign.statistics import poisson
 from rig.studies.thresholds.pieces import failures, four
@@ -135,7 +135,7 @@ def transients(
     for frames in BURSTS:
         for size in SIZES:
             found = _burst(entrant, signal, values, some, without, (frames, size))
-            yield {"signal": signal.name, "entrant": entrant.name, "frames": frames, "thresholds": size, **found}
+            yield {"signal": signal.name, "manager": entrant.name, "frames": frames, "thresholds": size, **found}
 
 
 def _burst(
@@ -163,7 +163,7 @@ def _burst(
 
 
 SECOND: Final = (
-    *(Column("signal"), Column("manager", "entrant"), Column("false isolations", "counted")),
+    *(Column("signal"), Column("manager"), Column("false isolations", "counted")),
     Column("budget", "expected", ".2g"),
     Column("an hour, 95 %", lambda row: f"{row['low_per_h']:.2g} to {row['high_per_h']:.2g}"),
     *(
@@ -179,9 +179,9 @@ SECOND: Final = (
 def counted(rows: Sequence[dict[str, Any]], budget_per_h: float) -> list[dict[str, Any]]:
     """Return the counts in a second campaign, ``counted`` in ``hours`` for each row, also pooled over all signals."""
     found: list[dict[str, Any]] = []
-    for name in dict.fromkeys(row["entrant"] for row in rows):
-        mine = [row for row in rows if row["entrant"] == name]
-        together = {"entrant": name, "signal": POOLED}
+    for name in dict.fromkeys(row["manager"] for row in rows):
+        mine = [row for row in rows if row["manager"] == name]
+        together = {"manager": name, "signal": POOLED}
         for key in ("counted", "hours", "flights", "of", "three", "three_before"):
             known = [row[key] for row in mine if row[key] is not None]
             together[key] = sum(known) if len(known) == len(mine) else None
@@ -205,9 +205,9 @@ def second_counts(
     second : its flights and hours, and the number of calibrating flights
     """
     flights, hours, before = second
-    assert not fails_nobody(entrant, signal)
+    assert not isolates_no_channel(entrant, signal)
     return {
-        "entrant": entrant.name,
+        "manager": entrant.name,
         "signal": signal.name,
         "counted": isolations(entrant, signal, values, flights),
         "hours": hours,

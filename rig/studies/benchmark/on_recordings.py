@@ -22,7 +22,7 @@ from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
 from rig.studies.benchmark.entrants import (
-    BIASED,
+    EQUALISED,
     SLOW_FAULTS,
     Entrant,
     OfSignal,
@@ -49,7 +49,7 @@ _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a th
 _HIGHEST: Final = 64.0
 _OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
 _COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex", *_OUTLIERS)
-MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail nobody
+MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail no channel
 Faults = Sequence[tuple[str, Kind, float]]
 
 
@@ -72,7 +72,7 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
             for entrant in entrants:
                 false = isolations(entrant, signal, values[entrant.name], _flights(tested))
                 levels_of = {key: value for key, value in values[entrant.name].items() if isinstance(value, float)}
-                told.append({"signal": name, "half": half, "entrant": entrant.name, "told": levels_of, "false": false})
+                told.append({"signal": name, "half": half, "manager": entrant.name, "told": levels_of, "false": false})
             found += _trials(entrants, signal, values, tested, 2 * place + half)
     if not found:
         raise BadInput(f"--recordings: every recording is shorter than a trial of {BEFORE_S + LATER_S:g} s")
@@ -115,7 +115,7 @@ def _candidates(
     if entrant.name == SLOW_FAULTS:
         yield from _slow_faults(entrant, signal, blocks)
     elif entrant.designed:
-        bound = _bound(signal, blocks) if entrant.name == BIASED else 0.0
+        bound = _bound(signal, blocks) if entrant.name == EQUALISED else 0.0
         values = _ours(entrant, signal, flights, signal.threshold * _HIGHEST, bound)
         for margin in MARGINS:
             yield (margin,), _scaled(values, _COMPARED, margin)
@@ -239,7 +239,7 @@ def _trials(
                 "combination": 100 * part + number,
                 "trial": np.arange(len(samples)),
                 **{"signal": signal.name, "kind": name, "faults": 1, "size": None, "reference": "absent"},
-                **{"budget_per_h": 0.0, "entrant": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
+                **{"budget_per_h": 0.0, "manager": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
             }
             yield typed(columns)
 

@@ -11,7 +11,7 @@ import polars as pl
 
 from rig.core.column import Column
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import BIASED, OURS, SLOW_FAULTS
+from rig.studies.benchmark.entrants import EQUALISED, OURS, SLOW_FAULTS
 from rig.studies.campaign.statistics import detectable, mcnemar, paired_difference
 from rig.verdict.words import INJECTED, PRIOR
 
@@ -30,7 +30,7 @@ def _percent(title: str, word: str, **more: Any) -> Column:
 
 
 OUTCOMES: Final = (
-    *(Column("faults"), Column("manager", "entrant")),
+    *(Column("faults"), Column("manager")),
     *(_percent(word, word) for word in ("isolated", "wrong channel", "missed")),
     _percent("before", PRIOR, worth=8),
     *(Column("delay", "delay_median_s", ".2f", "s"), Column("95 %", "delay_95_s", ".2f", "s", worth=7)),
@@ -42,7 +42,7 @@ OUTCOMES: Final = (
 )
 LOSSES: Final = (*OUTCOMES, Column("aircraft lost", "lost"))  # of flights in closed loop
 DIFFERENCES: Final = (
-    *(Column("signal"), Column("manager", "entrant"), Column("trials")),
+    *(Column("signal"), Column("manager"), Column("trials")),
     Column("isolated, minus built-in", lambda row: 100 * row["value"], "+.1f", "points"),
     Column("95 %", lambda row: f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"),
 )
@@ -54,7 +54,7 @@ def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
     Outcomes are counts.  Delays are of isolated faults, s.  ``peak``: largest vote error, thresholds, median over the
     trials; ``lost``: aircraft lost, in flights; ``sizes``: with the reference as flown, see the function ``sizes``.
     """
-    key, by_key = (*GROUP, "entrant"), dict[tuple[Any, ...], Any]()
+    key, by_key = (*GROUP, "manager"), dict[tuple[Any, ...], Any]()
     if "lost" not in rows.columns:
         sized = rows.filter(pl.col("size").is_not_null() & (pl.col("reference") == STATES[0]))
         by_key = {of: sizes(part) for of, part in sized.group_by(key, maintain_order=True)}
@@ -80,7 +80,7 @@ def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
         low = float(logarithms.min())
         places = (logarithms - low) / max(float(logarithms.max()) - low, 1e-12) * BINS
         bins = pl.Series("bin", np.clip(places, 0, BINS - 1).astype(np.int64))
-        group = ["signal", "kind", "faults", "entrant"]
+        group = ["signal", "kind", "faults", "manager"]
         shares = part.with_columns(bins).group_by([*group, "bin"], maintain_order=True)
         found += (
             shares.agg(pl.col("size").mean(), trials=pl.len(), isolated=ISOLATED.sum())
@@ -93,7 +93,7 @@ def by_size(rows: pl.DataFrame) -> list[dict[str, Any]]:
 
 def curve(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Return delay and share isolated, a row for each signal, number of faults, manager and false-isolation rate."""
-    group = ["signal", "faults", "entrant", "budget_per_h"]
+    group = ["signal", "faults", "manager", "budget_per_h"]
     found = rows.group_by(group, maintain_order=True).agg(
         trials=pl.len(),
         isolated=ISOLATED.sum(),
@@ -104,11 +104,11 @@ def curve(rows: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
-    given = {name: i for i, name in enumerate(rows["entrant"].unique(maintain_order=True))}
+    given = {name: i for i, name in enumerate(rows["manager"].unique(maintain_order=True))}
     together = rows.with_columns(pl.lit(ALL).alias("kind"))
     counts = (
         pl.concat([rows, together])
-        .group_by([*GROUP, "entrant"])
+        .group_by([*GROUP, "manager"])
         .agg(
             pl.len().alias("trials"),
             *((pl.col("outcome") == word).sum().alias(word) for word in (*INJECTED, PRIOR)),
@@ -120,7 +120,7 @@ def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
         )
         .with_columns(
             pl.col("reference").replace_strict({state: i for i, state in enumerate(STATES)}).alias("_state"),
-            pl.col("entrant").replace_strict(given).alias("_place"),
+            pl.col("manager").replace_strict(given).alias("_place"),
             (pl.col("kind") == ALL).alias("_all"),
         )
         .sort(["_state", "signal", "faults", "_all", "kind", "_place"])
@@ -132,27 +132,27 @@ def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, 
     """Return for each group and manager its share isolated minus the built-in manager's, 95 % interval and exact p.
 
     what : counted in each trial, true or false; in flights also whether the aircraft is lost
-    ``ours`` names the built-in row of the comparison: as designed, with channel equalisation, with slow-fault rules.
+    ``built_in`` names the row that is compared with: as designed, with channel equalisation, with slow-fault rules.
     ``peak_smaller`` and ``peak_larger`` count the trials in which the largest vote error was smaller or larger.
     """
     counted = rows.with_columns(what.alias("_what"))
-    return [row for ours in (OURS, BIASED, SLOW_FAULTS) for row in _differences(counted, ours)]
+    return [row for ours in (OURS, EQUALISED, SLOW_FAULTS) for row in _differences(counted, ours)]
 
 
 def _differences(rows: pl.DataFrame, ours: str) -> Iterator[dict[str, Any]]:
-    mine = rows.filter(pl.col("entrant") == ours).select(
-        *_TRIAL, pl.col("_what").alias("ours"), pl.col("peak").alias("peak_ours")
+    mine = rows.filter(pl.col("manager") == ours).select(
+        *_TRIAL, pl.col("_what").alias("built_in"), pl.col("peak").alias("peak_built_in")
     )
-    others = rows.filter(pl.col("entrant") != ours).join(mine, on=_TRIAL, maintain_order="left")
+    others = rows.filter(pl.col("manager") != ours).join(mine, on=_TRIAL, maintain_order="left")
     both = pl.concat([others, others.with_columns(pl.lit(ALL).alias("kind"))])
-    for key, part in both.group_by([*GROUP, "entrant"], maintain_order=True):
-        first, second = part["_what"].to_numpy(), part["ours"].to_numpy()
+    for key, part in both.group_by([*GROUP, "manager"], maintain_order=True):
+        first, second = part["_what"].to_numpy(), part["built_in"].to_numpy()
         yield {
-            "ours": ours,
-            **dict(zip((*GROUP, "entrant"), key, strict=True)),
+            "built_in": ours,
+            **dict(zip((*GROUP, "manager"), key, strict=True)),
             "trials": len(part),
             **paired_difference(first, second)._asdict(),
             "p_value": mcnemar(first, second).p_value,
-            "peak_smaller": int((part["peak"] < part["peak_ours"]).sum()),
-            "peak_larger": int((part["peak"] > part["peak_ours"]).sum()),
+            "peak_smaller": int((part["peak"] < part["peak_built_in"]).sum()),
+            "peak_larger": int((part["peak"] > part["peak_built_in"]).sum()),
         }

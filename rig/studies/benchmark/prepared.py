@@ -17,7 +17,7 @@ from rig.core.units.angles import differences
 from rig.studies.benchmark.benchmark_trials import Told
 from rig.studies.benchmark.calibration import Calibrated, calibrate
 from rig.studies.benchmark.calibration_data import Healthy
-from rig.studies.benchmark.entrants import Entrant, OfSignal, fails_nobody
+from rig.studies.benchmark.entrants import Entrant, OfSignal, isolates_no_channel
 from rig.studies.benchmark.healthy_flights import counted, failing, second_counts, transients
 
 CURVE: Final = (10.0, 100.0)  # other budgets, in budgets, for delay and share over them
@@ -48,8 +48,8 @@ def prepare(
     levels = list(
         _each(pairs, lambda pair: calibrate(*pair, healthy, asked.budget_per_h, others), "calibrated", workers)
     )
-    made = {(each.entrant, each.signal): each for each in levels}
-    able = [pair for pair in pairs if not fails_nobody(*pair)]
+    made = {(each.manager, each.signal): each for each in levels}
+    able = [pair for pair in pairs if not isolates_no_channel(*pair)]
 
     def hit(pair: Pair) -> list[dict[str, Any]]:
         entrant, signal = pair
@@ -98,7 +98,7 @@ def told(asked: Asked, prepared: dict[str, Any]) -> Told:
     """Return the part of ``levels.json`` that workers need."""
     names = Calibrated.__dataclass_fields__
     made = [Calibrated(**{key: value for key, value in row.items() if key in names}) for row in prepared["levels"]]
-    by_pair = {(each.entrant, each.signal): each for each in made}
+    by_pair = {(each.manager, each.signal): each for each in made}
     return Told(asked.entrants, by_pair, asked.budget_per_h, prepared["worst_reference"])
 
 

@@ -8,13 +8,13 @@ from typing import Any, Final
 from scipy.stats import poisson
 
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import BIASED, OURS, SHIPPED, SLOW_FAULTS, UNBOUNDED
+from rig.studies.benchmark.entrants import BUILT_IN, EQUALISED, OURS, SLOW_FAULTS, UNBOUNDED
 from rig.studies.benchmark.outcome_table import ALL
 from rig.studies.thresholds.holdout import OVER
 from rig.verdict.words import PRIOR
 
 Row = dict[str, Any]
-_OURS: Final = (OURS, BIASED, SLOW_FAULTS, SHIPPED)
+_OURS: Final = (OURS, EQUALISED, SLOW_FAULTS, BUILT_IN)
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
@@ -24,13 +24,13 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     """
     table, differences, silent = result["table"], result["differences"], result["silent"]
     baselines = [
-        row for row in differences if row["entrant"] not in (*silent, *_OURS) and UNBOUNDED not in row["entrant"]
+        row for row in differences if row["manager"] not in (*silent, *_OURS) and UNBOUNDED not in row["manager"]
     ]
     lines = list(_losses(baselines))
     lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
     lines += _leads([row for row in plain if row in baselines])
-    lines += _among([row for row in plain if row["entrant"] in _OURS and row["ours"] == OURS])
+    lines += _among([row for row in plain if row["manager"] in _OURS and row["built_in"] == OURS])
     lines += [*_wrong(table, silent), *_before(table, silent), *_votes(plain, silent)]
     return [*lines, *_lost(result["lost_differences"])]
 
@@ -49,7 +49,7 @@ def _alike(rows: Sequence[Row], figures: Callable[[Row], tuple[float, ...]], *jo
     for key in joined:
         merged: dict[tuple[Any, ...], Row] = {}
         for row in rows:
-            others = (name for name in ("ours", "entrant", "signal", "kind", "faults", "reference") if name != key)
+            others = (name for name in ("built_in", "manager", "signal", "kind", "faults", "reference") if name != key)
             place = (*(row.get(name) for name in others), *figures(row))
             before = merged.get(place)
             merged[place] = {**row, key: row[key] if before is None else f"{before[key]}, {row[key]}"}
@@ -75,58 +75,58 @@ def _more(name: str, verb: str, row: Row, other: str, what: str = "") -> str:
 
 def _losses(rows: Sequence[Row]) -> Iterator[str]:
     """Yield each group in which a baseline manager isolates more than a built-in one, the largest difference first."""
-    for ours in (OURS, BIASED, SLOW_FAULTS):
-        of_ours = [row for row in rows if row["ours"] == ours]
+    for ours in (OURS, EQUALISED, SLOW_FAULTS):
+        of_ours = [row for row in rows if row["built_in"] == ours]
         lost = _alike([row for row in of_ours if row["low"] > 0.0], _interval, "reference")
         for row in sorted(lost, key=lambda row: -row["value"]):
-            yield f"LOSS: {_more(row['entrant'], 'isolate', row, ours)}"
-    of_all = {row["ours"] for row in rows}
-    kept = [ours for ours in of_all if not any(row["low"] > 0.0 for row in rows if row["ours"] == ours)]
+            yield f"LOSS: {_more(row['manager'], 'isolate', row, ours)}"
+    of_all = {row["built_in"] for row in rows}
+    kept = [ours for ours in of_all if not any(row["low"] > 0.0 for row in rows if row["built_in"] == ours)]
     if kept:
-        names = ", ".join(ours for ours in (OURS, BIASED, SLOW_FAULTS) if ours in kept)
+        names = ", ".join(ours for ours in (OURS, EQUALISED, SLOW_FAULTS) if ours in kept)
         yield f"no baseline manager isolates significantly more than {names} in any group"
 
 
 def _leads(rows: Sequence[Row]) -> Iterator[str]:
-    for row in _alike([row for row in rows if row["high"] < 0.0], _interval, "ours", "entrant"):
-        yield _more(row["ours"], "isolate", row, row["entrant"])
+    for row in _alike([row for row in rows if row["high"] < 0.0], _interval, "built_in", "manager"):
+        yield _more(row["built_in"], "isolate", row, row["manager"])
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how the built-in manager as shipped and with slow-fault rules differs from the one as designed."""
-    for row in _alike([row for row in rows if row["ours"] == OURS], _interval, "entrant"):
+    """Yield how the manager with its built-in settings, or with slow-fault rules, differs from the one as designed."""
+    for row in _alike([row for row in rows if row["built_in"] == OURS], _interval, "manager"):
         if row["high"] < 0.0:
-            yield _more(OURS, "isolate", row, row["entrant"])
+            yield _more(OURS, "isolate", row, row["manager"])
         elif row["low"] > 0.0:
-            yield _more(row["entrant"], "isolate", row, OURS)
+            yield _more(row["manager"], "isolate", row, OURS)
         else:
             low, value, high = (f"{100 * row[name]:+.1f}" for name in ("low", "value", "high"))
             difference = f"{value} points isolated (95 %: {low} to {high}), not significant"
-            yield f"{row['entrant']} against {OURS}: {difference}: {_where(row)}"
+            yield f"{row['manager']} against {OURS}: {difference}: {_where(row)}"
 
 
 def _wrong(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
-    wrong = [row for row in table if row["kind"] == ALL and row["wrong channel"] and row["entrant"] not in silent]
-    for row in _alike(wrong, lambda row: (row["wrong channel"], row["trials"]), "reference", "entrant"):
+    wrong = [row for row in table if row["kind"] == ALL and row["wrong channel"] and row["manager"] not in silent]
+    for row in _alike(wrong, lambda row: (row["wrong channel"], row["trials"]), "reference", "manager"):
         share = 100 * row["wrong channel"] / row["trials"]
-        yield f"{row['entrant']}: wrong isolation, of a healthy channel, in {share:.2g} % of trials: {_where(row)}"
+        yield f"{row['manager']}: wrong isolation, of a healthy channel, in {share:.2g} % of trials: {_where(row)}"
 
 
 def _before(table: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     """Yield which managers isolate a healthy channel because a reference jumps."""
     for row in table:
-        if (row["kind"], row["reference"]) == (ALL, "jumping") and row[PRIOR] and row["entrant"] not in silent:
+        if (row["kind"], row["reference"]) == (ALL, "jumping") and row[PRIOR] and row["manager"] not in silent:
             share = 100 * row[PRIOR] / row["trials"]
-            yield f"{row['entrant']}: false alarm before the fault in {share:.2g} % of trials: {_where(row)}"
+            yield f"{row['manager']}: false alarm before the fault in {share:.2g} % of trials: {_where(row)}"
 
 
 def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
     """Yield how managers that isolate no channel vote, against the built-in one as designed."""
     for row in rows:
-        if row["entrant"] in silent and row["ours"] == OURS:
+        if row["manager"] in silent and row["built_in"] == OURS:
             smaller, larger = (100 * row[name] / row["trials"] for name in ("peak_smaller", "peak_larger"))
             yield (
-                f"{row['entrant']} isolates no channel; its largest vote error is smaller than that of {OURS} in "
+                f"{row['manager']} isolates no channel; its largest vote error is smaller than that of {OURS} in "
                 f"{smaller:.0f} % of trials, larger in {larger:.0f} %: {_where(row)}"
             )
 
@@ -136,7 +136,7 @@ def _transients(rows: Sequence[Row]) -> Iterator[str]:
     by_manager: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row["failed"]:
-            by_manager.setdefault((row["entrant"], row["signal"]), []).append(
+            by_manager.setdefault((row["manager"], row["signal"]), []).append(
                 f"{row['failed']} of {row['bursts']} bursts of {_count(row['frames'], 'frame')} "
                 f"and {row['thresholds']:g} thresholds"
             )
@@ -148,7 +148,7 @@ def _lost(rows: Sequence[Row]) -> Iterator[str]:
     """Yield which managers lose more or fewer aircraft than the built-in one in closed loop."""
     for row in rows:
         if row["kind"] == ALL and (row["low"] > 0.0 or row["high"] < 0.0):
-            names = (row["entrant"], row["ours"]) if row["low"] > 0.0 else (row["ours"], row["entrant"])
+            names = (row["manager"], row["built_in"]) if row["low"] > 0.0 else (row["built_in"], row["manager"])
             yield _more(names[0], "lose", row, names[1], " of the aircraft")
 
 
@@ -156,6 +156,6 @@ def _over_budget(second: Sequence[Row]) -> Iterator[str]:
     for row in second:
         if row["counted"] and poisson.sf(row["counted"] - 1, row["expected"]) < OVER:
             yield (
-                f"{row['entrant']} EXCEEDS THE FALSE-ISOLATION RATE: {row['signal']}: {row['counted']} false "
+                f"{row['manager']} EXCEEDS THE FALSE-ISOLATION RATE: {row['signal']}: {row['counted']} false "
                 f"isolations in the second campaign, {row['expected']:.2g} expected"
             )

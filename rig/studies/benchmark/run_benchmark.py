@@ -30,7 +30,7 @@ from rig.studies.benchmark import flights
 from rig.studies.benchmark.benchmark_trials import STATES, Runner, joined, of_signals, shared_out
 from rig.studies.benchmark.calibration import require_time
 from rig.studies.benchmark.calibration_data import Healthy, read
-from rig.studies.benchmark.entrants import OfSignal, fails_nobody
+from rig.studies.benchmark.entrants import OfSignal, isolates_no_channel
 from rig.studies.benchmark.outcome_table import LOST, by_size, curve, differences, table
 from rig.studies.benchmark.prepared import Asked, costs, prepare, told
 from rig.studies.benchmark.ranking import verdict
@@ -164,7 +164,7 @@ def _remove(path: Path) -> str:
 def _result(
     asked: Asked, signals: Sequence[OfSignal], prepared: dict[str, Any], rows: pl.DataFrame, flown: pl.DataFrame
 ) -> dict[str, Any]:
-    silent = [entrant.name for entrant in asked.entrants if all(fails_nobody(entrant, each) for each in signals)]
+    silent = [entrant.name for entrant in asked.entrants if all(isolates_no_channel(entrant, each) for each in signals)]
     as_flown = pl.col("reference") == STATES[0]
     at_budget = rows.filter(pl.col("budget_per_h") == asked.budget_per_h)
     found = {

@@ -12,6 +12,7 @@ from typing import Any, Final
 import plotly.graph_objects as go
 import polars as pl
 
+from rig.core.ending import ending
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.palette import DASHES, INK, LINE, SERIES, SHARE_SCALE, WHITE, series_colour
@@ -38,6 +39,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables, ["manager"])))}
     replies = {} if results["replies"] is None else {"replies-0": reply_times(results["replies"])}
     filters = {"magnitude": lambda *of: magnitude_shown(*of) or DASH, "magnitude_unit": magnitude_unit}
+    filters["ending"] = ended
     levels = [
         {**row, "level": level_shown(row["key"], row["level"], folder.tables["faults"])} for row in results["by_varied"]
     ]
@@ -51,6 +53,12 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     shown = {"columns": columns, "ranked": RANKED, "levels": levels, "maps": widths, "delays": list(delays)}
     write_page(out, "campaign.html", figures, filters, results=results, **shown)
     return results
+
+
+def ended(run: dict[str, Any]) -> str:
+    """Return the end of a flown run in words."""
+    rate_hz = round(run["frames"] / run["duration_s"], 6) if run["duration_s"] else 1.0
+    return ending(run["survived"], run["end_reason"], run["frames"], rate_hz)
 
 
 def heat_maps(rows: Rows) -> list[go.Figure]:

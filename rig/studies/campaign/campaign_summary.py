@@ -43,7 +43,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     "by_kind": (
         *(Column("signal", type=str), Column("kind", type=str), Column("of", type=str), Column("acted")),
         Column("detected of detectable", "detection", SHARE),
-        Column("correctly isolated", "right_isolation", SHARE),
+        Column("correctly isolated", "correct_isolation", SHARE),
         Column("wrongly isolated", "wrong_isolation", SHARE),
     ),
     "by_pattern": (
@@ -52,7 +52,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     ),
     "by_rule": (
         *(Column("decided by", "decided_by", type=str), Column("faulty isolated", "faulty")),
-        *(Column("healthy isolated", "healthy"), Column("correct", "right", SHARE)),
+        *(Column("healthy isolated", "healthy"), Column("correct", format=SHARE)),
     ),
     "by_varied": (
         Column("varied key", "key", type=str, page="key"),
@@ -68,9 +68,9 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
     "false_alarms_by_signal": (Column("what", "kind", type=str), Column("signal", type=str), Column("count")),
     "tie_break": (
         *(Column("decided_by", page="decided by", type=str), Column("pattern", type=str), Column("asked", worth=4)),
-        *(Column("decided", "answered", worth=6), Column("correct", "right", worth=7), Column("wrong", worth=8)),
+        *(Column("decided", "answered", worth=6), Column("correct", worth=7), Column("wrong", worth=8)),
         *(Column("open", worth=5), Column("decided of asked", "answered_share", SHARE, worth=0)),
-        Column("correct of decided", "right_share", SHARE),
+        Column("correct of decided", "correct_share", SHARE),
     ),
     "coverage": (
         *(Column("signal", type=str), Column("patterns", lambda row: ", ".join(row["patterns"]), type=str)),
@@ -101,7 +101,7 @@ _BY_RUN: Final = {
 }
 _BY_FAULT: Final = {
     "fault detected": pl.col("outcome") == "detected",
-    "fault correctly isolated": pl.col("isolation") == "right",
+    "fault correctly isolated": pl.col("isolation") == "correct",
 }
 _ALL: Final = "every fault detected"  # of the runs with a fault
 _DETECTABLE: Final = pl.col("outcome") != "undetectable"
@@ -156,7 +156,7 @@ def headline(tables: Tables) -> dict[str, Any]:
         "not_executed": int((tables["faults"]["outcome"] == "not executed").sum()),
         "undetectable": len(faults) - len(exceeded),
         "detection": share_of(exceeded["outcome"] == "detected"),
-        "right_isolation": share_of(exceeded["isolation"] == "right"),
+        "correct_isolation": share_of(exceeded["isolation"] == "correct"),
         "wrong_isolation": share_of(exceeded["isolation"] == "wrong"),
         "false_alarms": alarm_rate(runs),
         "false_alarm_runs": int((runs["false_alarms"] > 0).sum()),

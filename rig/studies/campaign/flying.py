@@ -54,18 +54,18 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
     UnitDead, UnitRefused: of the unit under test.
     """
     rig = loop.Rig(scenario, None if tested is None else UnitComputer(tested), keep_clean=scenario.frames)
-    findings, beside, (rows, timing) = Findings(scenario), _Lanes(), loop.new_memory(scenario)
+    findings, beside, (rows, timing) = Findings(scenario), _SecondRows(), loop.new_memory(scenario)
     loop.fly(rig, [findings, beside], memory=(rows, timing))
     flown = slice(findings.verdict.frames)
-    lanes = np.concatenate(beside.blocks) if beside.blocks else None
-    table = Table(rows[flown], lanes, timing[flown], rig.faults.clean[flown])
+    second = np.concatenate(beside.blocks) if beside.blocks else None
+    table = Table(rows[flown], second, timing[flown], rig.faults.clean[flown])
     coils = findings.actuators.failed_at(scenario.rate_hz)
     end = findings.verdict, findings.end(), coils, ended_unit(tested)
     return CampaignFlight(scenario, table, findings.events, *end)
 
 
-class _Lanes:
-    """Keep the rows of lanes, which are given once."""
+class _SecondRows:
+    """Keep the second rows, which are given once."""
 
     def __init__(self) -> None:
         self.blocks: list[NDArray[Any]] = []
@@ -91,7 +91,7 @@ def write_log(flight: CampaignFlight, path: Path) -> None:
     verdict, scenario, frames = flight.verdict, flight.scenario, [event.frame for event in flight.events]
     path.parent.mkdir(parents=True, exist_ok=True)
     header = {**metadata(scenario), **flight.unit}, [("scenario.toml", b"")]
-    kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "lanes": scenario.lane_parts}
+    kept: Any = {"chunk_frames": scenario.frames, "draft_of": path, "parts": scenario.row_parts}
     with (
         replaced(path) as draft,
         LogWriter(draft, scenario.rate_hz, *header, **kept) as writer,

@@ -115,23 +115,23 @@ def fault_rates(faults: pl.DataFrame) -> dict[str, Any]:
         "acted": len(faults),
         "detection": share_of(exceeded["outcome"] == "detected"),
         "detection_of_all": share_of(faults["outcome"] == "detected"),
-        "right_isolation": share_of(exceeded["isolation"] == "right"),
+        "correct_isolation": share_of(exceeded["isolation"] == "correct"),
         "wrong_isolation": share_of(exceeded["isolation"] == "wrong"),
     }
 
 
 def by_rule(tables: Tables) -> list[dict[str, Any]]:
     """Return the isolated channels by rule, and how many of them were faulty."""
-    right = tables["faults"].filter(pl.col("outcome") == "detected")["decided_by"].to_list()
+    correct = tables["faults"].filter(pl.col("outcome") == "detected")["decided_by"].to_list()
     by_design = pl.col("kind").is_in(BY_DESIGN).fill_null(value=False)
     wrong = tables["alarms"].filter(~by_design)["decided_by"].to_list()
-    names = sorted({*right, *wrong} - {None})
+    names = sorted({*correct, *wrong} - {None})
     return [
         {
             "decided_by": name,
-            "faulty": right.count(name),
+            "faulty": correct.count(name),
             "healthy": wrong.count(name),
-            "right": _counted(right.count(name), right.count(name) + wrong.count(name)),
+            "correct": _counted(correct.count(name), correct.count(name) + wrong.count(name)),
         }
         for name in names
     ]
@@ -174,7 +174,7 @@ def _smallest(magnitudes: Any, detected: Any) -> dict[str, Any]:
 def tie_break(episodes: pl.DataFrame) -> list[dict[str, Any]]:
     """Return the truth table of the tie-break rules, over all patterns and for each.
 
-    asked: episodes in which the rule was used; answered: its decision was valid in the last frame; right: it isolated
+    asked: episodes in which the rule was used; answered: its decision was valid in the last frame; correct: it isolated
     only faulty channels; wrong: it isolated a healthy one; open: the split ended before an isolation.
     """
     rows = []
@@ -188,13 +188,13 @@ def tie_break(episodes: pl.DataFrame) -> list[dict[str, Any]]:
 
 def _answers(episodes: pl.DataFrame, name: str, asked: int) -> dict[str, Any]:
     answered = episodes.filter(pl.col("decided_by") == name)
-    counts = {verdict: int((answered["verdict"] == verdict).sum()) for verdict in ("right", "wrong", "open")}
+    counts = {verdict: int((answered["verdict"] == verdict).sum()) for verdict in ("correct", "wrong", "open")}
     return {
         "asked": asked,
         "answered": len(answered),
         **counts,
         "answered_share": _counted(len(answered), asked),
-        "right_share": _counted(counts["right"], counts["right"] + counts["wrong"]),
+        "correct_share": _counted(counts["correct"], counts["correct"] + counts["wrong"]),
     }
 
 

@@ -69,7 +69,7 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan, identity: str
         with suppress(OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
             rows = pl.read_parquet([data for data, _ in held], hive_partitioning=False, glob=False, parallel="none")
             if rows.schema == expected and len(rows) == sum(counts) and all(map(_is_finite, rows)):
-                ends = list(accumulate(counts))
+                ends, rows = list(accumulate(counts)), _with_words_of_now(rows)
                 return [rows[end - count : end] for end, count in zip(ends, counts, strict=True)]
     return [_table(folder, name, part, plan, data) for part, (data, _) in zip(parts, held, strict=True)]
 
@@ -93,9 +93,15 @@ def _bytes(folder: Path, name: str, part: str, identity: str | None) -> tuple[by
     return data, count
 
 
-def _with_names_of_now(frame: pl.DataFrame) -> pl.DataFrame:
+def _with_words_of_now(frame: pl.DataFrame) -> pl.DataFrame:
+    """Return a table, possibly of an earlier version, with the present words for outcomes."""
+    there = {name: words for name, words in renamed.CELLS.items() if frame.schema.get(name) == pl.String}
+    return frame.with_columns(pl.col(name).replace(words) for name, words in there.items())
+
+
+def with_names_of_now(frame: pl.DataFrame) -> pl.DataFrame:
     """Return a table, possibly of an earlier version, with the present names."""
-    named = frame.rename(lambda column: renamed.COLUMNS.get(column, renamed.key_now(column)))
+    named = _with_words_of_now(frame.rename(lambda column: renamed.COLUMNS.get(column, renamed.key_now(column))))
     if named.columns == frame.columns or "requirements" not in named.columns:
         return named
     verdicts = pl.col("requirements").str.replace_many(renamed.VERDICT)
@@ -109,7 +115,7 @@ def _table(folder: Path, name: str, part: str, plan: Plan, data: bytes) -> pl.Da
         frame = pl.read_parquet(data, hive_partitioning=False, parallel="none")  # small: threads cost more
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise _unreadable(folder, path, part, error) from None
-    frame = _with_names_of_now(frame)
+    frame = with_names_of_now(frame)
     expected, columns = table.schema(plan, name), frame.columns
     lacking = [n for n, column in OF[name].columns.items() if column.added and n not in columns]
     if lacking:

@@ -153,12 +153,12 @@ FAULTS: Final = _named(
     *(_time(f"{name}_s", f"of.{name}_frame") for name in ("onset", "exceeded", "failed")),
     Column("outcome", "of.outcome", type=str),  # detected, missed, undetectable, not executed
     *(_time(f"{name}_s", f"of.{name}_frames") for name in ("delay_from_onset", "delay_from_exceeded")),
-    Column("isolation", lambda s: PUBLIC["campaign"][s.of.word], type=str),  # right, wrong, none
+    Column("isolation", lambda s: PUBLIC["campaign"][s.of.word], type=str),  # correct, wrong, none
     *_same("of", decided_by=str, pattern=str),
     *_same("of.window", good_before=int, latent_before=int),
     Column("vote_above_threshold_s", "of.window.above_threshold_s", type=float),  # these five: to the next onset
     Column("vote_error_max", "of.window.error_max", type=float),
-    Column("vote_kept", "of.window.kept", type=bool),
+    Column("vote_correct", "of.window.correct", type=bool),
     Column("lost_s", "of.window.lost_s", type=float),
     Column("wrong_vote_first", "of.window.wrong_vote_first", type=bool, added=True),  # before it was declared lost
     _time("law_s", "of.law_frame", added=True),  # the fault-tolerant law found it
@@ -179,7 +179,7 @@ EPISODES: Final = _named(
     Column("asked", lambda s: list(s.of.asked), type=list[str]),
     Column("decided_by", "of.decided_by", type=str),  # whose answer stood at its end; unresolved where none did
     Column("failed", lambda s: list(s.of.failed), type=list[int]),
-    Column("verdict", "of.verdict", type=str),  # right, wrong, open
+    Column("verdict", "of.verdict", type=str),  # correct, wrong, open
 )
 OF_SIGNALS: Final = _named(
     Column("run", "number", type=int),

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rig.computer.lanes.exchange import NOBODY, Said, exchange
+from rig.computer.lanes.exchange import NO_LANE, Said, exchange
 from rig.core.frame import COMPUTERS
 from rig.core.kernels import bind
 
@@ -138,7 +138,8 @@ class _Held:
         self._exchange(sender, self._words, self._said, self.rounds, self._held)
         whose = self._held.tolist()
         return [
-            _RIGHT if i == sender else _MISSING if k == NOBODY else told[i, k] for i, k in zip(_ALL, whose, strict=True)
+            _RIGHT if i == sender else _MISSING if k == NO_LANE else told[i, k]
+            for i, k in zip(_ALL, whose, strict=True)
         ]
 
 

@@ -19,7 +19,7 @@ from scipy.optimize import minimize_scalar
 
 from rig.computer.servo_monitors import monitors
 from rig.core.errors import BadInput
-from rig.core.frame import MOVED, lane_rows
+from rig.core.frame import MOVED, second_rows
 from rig.core.kernels import bind
 from rig.core.text import choices, quoted
 from rig.flight.put_out import move_surfaces
@@ -176,7 +176,7 @@ def _move(
     surfaces = dict.fromkeys(MOVED, actuator)
     watch = monitors(_EXACT, stops_of(surfaces), rate_hz)
     servos = Actuators(_EXACT, surfaces, np.zeros(3), rate_hz, parts, SeedSequence(0), watch)
-    servos.prepare(lane_rows(frames)["servo"])
+    servos.prepare(second_rows(frames)["servo"])
     asked, moved, ram = asked_rad(np.arange(frames) / rate_hz), np.zeros(4), np.empty((frames, parts))
     step = bind(move_surfaces, servos.data.asked, moved, 0, servos.data)
     for k in range(frames):

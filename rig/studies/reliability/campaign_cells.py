@@ -69,7 +69,7 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
     unknown = sorted(set(runs["design"].unique().to_list()) - set(DESIGNS))
     if unknown:
         raise BadInput(f"{source}: design {unknown[0]!r}: must begin with one of {', '.join(DESIGNS)}")
-    first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_kept")]
+    first = [pl.col(name).first() for name in ("signal", "kind", "good_before", "vote_correct")]
     tested, second = (
         faults.filter(pl.col("id") == name)
         .sort("run", "channel")
@@ -77,12 +77,12 @@ def _trials(runs: pl.DataFrame, faults: pl.DataFrame, source: str) -> pl.DataFra
         .agg(*first, lost=declared_lost().first(), settle=_settled())
         for name in (TESTED, SECOND)
     )
-    second = second.select("run", kept2="vote_kept", lost2="lost", settle2="settle")
+    second = second.select("run", kept2="vote_correct", lost2="lost", settle2="settle")
     both = runs.join(tested, on="run", how="inner").join(second, on="run", how="left")
     return both.select(
         *CELL,
         lost=pl.coalesce("lost2", "lost"),
-        off=~pl.coalesce("kept2", "vote_kept"),
+        off=~pl.coalesce("kept2", "vote_correct"),
         survived="survived",
         settle=pl.when(pl.col("kept2").is_null())
         .then("settle")

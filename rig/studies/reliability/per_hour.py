@@ -53,7 +53,7 @@ class Contribution:
     cell: str
     share: float
     trials: int
-    seen: int  # of them not kept
+    seen: int  # of them not correct
     trials_to_halve: int  # more of them, to halve the interval if the cell alone made it
 
 

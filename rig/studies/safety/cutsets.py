@@ -114,8 +114,8 @@ def of_campaign(folder: Path, signal: str) -> Counts:
 def lost_flights(tables: Mapping[str, pl.DataFrame], signal: str) -> pl.DataFrame:
     """Return run, sequence, survived and ``first``: the event that lost the signal first, null if none did."""
     runs = tables["runs"].filter(pl.col("outcome") == "flown").select("run", "sequence", "survived")
-    windows = tables["faults"].filter((pl.col("signal") == signal) & pl.col("vote_kept").is_not_null())
-    wrong = ~pl.col("vote_kept") | pl.col("wrong_vote_first").fill_null(value=False)
+    windows = tables["faults"].filter((pl.col("signal") == signal) & pl.col("vote_correct").is_not_null())
+    wrong = ~pl.col("vote_correct") | pl.col("wrong_vote_first").fill_null(value=False)
     last = pl.col("onset_s") == pl.col("onset_s").max().over("run")
     # A window that ends with the next onset may end within the time that a monitor has: only the last one is asked.
     word = pl.when(declared_lost()).then(pl.lit(ANNOUNCED)).when(wrong & last).then(pl.lit(WRONG))

@@ -91,7 +91,7 @@ class Mode:
 
     @property
     def isolated(self) -> list[str]:
-        """Return the isolation of each flight's fault: right, wrong, none."""
+        """Return the isolation of each flight's fault: correct, wrong, none."""
         return self.rows["isolation"].drop_nulls().to_list()
 
     @property
@@ -218,11 +218,11 @@ def _severity(mode: Mode) -> str:
 
 def _detection(isolated: Sequence[str]) -> str:
     wrongly = f", {isolated.count('wrong')} wrongly" if "wrong" in isolated else ""
-    return f"{_share(isolated.count('right'), len(isolated))} isolated{wrongly}"
+    return f"{_share(isolated.count('correct'), len(isolated))} isolated{wrongly}"
 
 
-def _not_kept(kept: pl.Series) -> str:
-    return "no voted signal" if kept.is_empty() else _share(int((~kept).sum()), len(kept))
+def _not_correct(correct: pl.Series) -> str:
+    return "no voted signal" if correct.is_empty() else _share(int((~correct).sum()), len(correct))
 
 
 def _share(count: int, of: int) -> str:
@@ -295,7 +295,7 @@ COLUMNS: Final = (  # ``page``: the column of the page that shows some of a line
     _of_flights("compensating provision", _provision, _DETECTION),
     Column("remarks", lambda mode: "" if mode.rows.is_empty() else _remarks(mode.item), page=_FLIGHTS),
     Column("flights", lambda mode: str(len(mode.rows)), page=_FLIGHTS),
-    _of_flights("not kept", lambda mode: _not_kept(mode.rows["vote_kept"].drop_nulls()), _FLIGHTS),
+    _of_flights("not correct", lambda mode: _not_correct(mode.rows["vote_correct"].drop_nulls()), _FLIGHTS),
     _of_flights("worst flight", _worst, _FLIGHTS),
 )
 

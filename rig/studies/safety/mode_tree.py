@@ -81,7 +81,7 @@ def mode_tree(model: ModeModel) -> FaultTree:
             tree.all_of(f"set_{number}_{k}", [events[place] for place in places]) for k, places in enumerate(chosen, 1)
         ]
         some = tree.any_of(f"set_{number}", gates, name)
-        lost = tree.event(f"set_{number}_not_kept", f"{name}: not tolerated, mean of its orders", chance=chance)
+        lost = tree.event(f"set_{number}_not_correct", f"{name}: not tolerated, mean of its orders", chance=chance)
         tops.append(tree.all_of(f"lost_by_set_{number}", [some, lost], f"{name}, not tolerated"))
     failed = [
         tree.any_of(f"channel_{i}", [events[mode, i] for mode in model.per_hour], f"channel {i} failed") for i in n

@@ -38,10 +38,10 @@ def layer_ways(layer: Layer) -> Iterator[Way]:
         yield from _next(layer.channels - k, 1, (layer.channels - k) * layer.per_hour, chance)
 
 
-def _next(good: int, hit: int, per_hour: float, not_kept: float) -> Iterator[Way]:
+def _next(good: int, hit: int, per_hour: float, not_correct: float) -> Iterator[Way]:
     if good > hit:
-        yield good, good - hit, per_hour * (1.0 - not_kept)
-        yield good, None, per_hour * not_kept
+        yield good, good - hit, per_hour * (1.0 - not_correct)
+        yield good, None, per_hour * not_correct
     else:
         yield good, None, per_hour
 

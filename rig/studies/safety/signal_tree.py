@@ -58,8 +58,8 @@ def _signal(tree: FaultTree, model: SignalModel) -> str:
     single = [_channel(tree, model, i) for i in range(1, n + 1)]
     pairs = _pairs(tree, model)
     # A near fault of the first one is a separate event.
-    not_kept = {g: model.single[g] if g == n else model.next_fault(g) for g in range(n, 1, -1)}
-    lost = _in_turn(tree, "", n, single, not_kept)
+    not_correct = {g: model.single[g] if g == n else model.next_fault(g) for g in range(n, 1, -1)}
+    lost = _in_turn(tree, "", n, single, not_correct)
     lost += _near(tree, model)
     if pairs:
         lost += _common(tree, model, single, pairs)
@@ -85,12 +85,14 @@ def _pairs(tree: FaultTree, model: SignalModel) -> dict[tuple[int, int], str]:
     }
 
 
-def _in_turn(tree: FaultTree, prefix: str, n: int, failed: Sequence[str], not_kept: Mapping[int, float]) -> list[str]:
+def _in_turn(
+    tree: FaultTree, prefix: str, n: int, failed: Sequence[str], not_correct: Mapping[int, float]
+) -> list[str]:
     """Add: k of n failed, and the k-th fault not tolerated with n - k + 1 good, for each k but the last."""
     gates = []
-    for good, chance in not_kept.items():
+    for good, chance in not_correct.items():
         k = n - good + 1
-        event = tree.event(f"{prefix}not_kept_{good}_good", f"not tolerated with {good} good", chance=chance)
+        event = tree.event(f"{prefix}not_correct_{good}_good", f"not tolerated with {good} good", chance=chance)
         some = tree.at_least(f"{prefix}failed_{k}_of_{n}", k, failed, f"{k} of {n} failed")
         gates.append(tree.all_of(f"{prefix}lost_at_{k}", [some, event], f"{k} failed, not tolerated with {good} good"))
     return gates
@@ -103,7 +105,9 @@ def _near(tree: FaultTree, model: SignalModel) -> list[str]:
         return []
     per_hour = n * (n - 1) * model.one_channel**2 * model.settle_h
     near = tree.event("near", "a second channel fails before the first is settled", per_hour)
-    event = tree.event("not_kept_near", f"two near faults not tolerated with {n} good", chance=model.near.get(n, 1.0))
+    event = tree.event(
+        "not_correct_near", f"two near faults not tolerated with {n} good", chance=model.near.get(n, 1.0)
+    )
     return [tree.all_of("lost_by_near", [near, event], "two near faults, not tolerated")]
 
 
@@ -114,7 +118,7 @@ def _common(
     n = model.channels
     any_pair = tree.any_of("pair", list(pairs.values()), "a common-cause pair")
     chance = model.alike.get(n, 1.0)
-    event = tree.event(f"alike_not_kept_{n}_good", f"two alike not tolerated with {n} good", chance=chance)
+    event = tree.event(f"alike_not_correct_{n}_good", f"two alike not tolerated with {n} good", chance=chance)
     gates = [tree.all_of("lost_by_pair", [any_pair, event], f"two alike, not tolerated with {n} good")]
     if n < 3:
         return gates
@@ -132,7 +136,7 @@ def _common(
     gates += _orders(tree, "apart", apart, "a single fault and a pair of two others", after_single, after_pair)
     gates += _orders(tree, "within", within, "a single fault and a pair with its channel", model.next_fault(n - 1), 0.0)
     event = tree.event(
-        "pair_then_pair_not_kept",
+        "pair_then_pair_not_correct",
         f"pair, then one of its channels with a third: {n - 2} good, not tolerated",
         chance=after_pair,
     )

@@ -50,7 +50,7 @@ def read_model(
         pair_per_hour=beta * per_hour / comb(channels, 2) if channels > 1 else 0.0,
         box_per_hour=given.box_per_hour,
         settle_h=known.settle_s / 3600.0,
-        **not_kept(known),
+        **not_correct(known),
         layers=tuple(rates.layers),
     )
 
@@ -63,7 +63,7 @@ def _one_manager(folders: Sequence[Path]) -> Cells:
     return together(manager, parts)
 
 
-def not_kept(known: Outcomes) -> Mapping[str, dict[int, float]]:
+def not_correct(known: Outcomes) -> Mapping[str, dict[int, float]]:
     """Return the chances of a fault that is not tolerated, by design and good channels; ``known`` has the mean alone.
 
     Pairs of faults that were not flown are never tolerated, as in the chain of `rig reliability run`.

@@ -44,7 +44,7 @@ class TreeResult:
     chain: Transitions
     cut_sets: int
     at: tuple[AtHours, ...]
-    not_kept: Mapping[str, float]
+    not_correct: Mapping[str, float]
 
     @property
     def static(self) -> str:
@@ -59,14 +59,14 @@ class TreeResult:
             name: {f"{each.hours:g}": getattr(each, name) for each in self.at}
             for name in ("tree", "chain", "differs", "direct_sum")
         }
-        return {**by_hours, "static": self.static, "cut_sets": self.cut_sets, "not_kept": dict(self.not_kept)}
+        return {**by_hours, "static": self.static, "cut_sets": self.cut_sets, "not_correct": dict(self.not_correct)}
 
 
-def solve(tree: FaultTree, chain: Transitions, hours: Sequence[float], not_kept: Mapping[str, float]) -> TreeResult:
+def solve(tree: FaultTree, chain: Transitions, hours: Sequence[float], not_correct: Mapping[str, float]) -> TreeResult:
     """Return both probabilities at all ``hours``."""
     sets = cut_sets(tree)
     at = [_at(each, probability(tree, each), lost(chain, each), direct_sum(tree, sets, each)) for each in hours]
-    return TreeResult(tree, chain, len(sets), tuple(at), not_kept)
+    return TreeResult(tree, chain, len(sets), tuple(at), not_correct)
 
 
 def _at(hours: float, of_tree: float, of_chain: float, of_sum: float) -> AtHours:

@@ -90,7 +90,7 @@ def _tradeoff(tradeoff: Tradeoff) -> dict[str, Any]:
         "smallest_offset": tradeoff.smallest_offset,
         "at_twice_the_threshold": tradeoff.at_twice._asdict(),
         "faults": {name: of_kind._asdict() for name, of_kind in {**tradeoff.kinds, **tradeoff.small}.items()},
-        "found_rightly": tradeoff.share,
+        "correctly_isolated": tradeoff.share,
     }
 
 

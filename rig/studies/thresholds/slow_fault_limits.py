@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.compare import rank
 from rig.computer.redundancy.slow_faults import (
-    NOBODY,
+    NO_CHANNEL,
     begin_sums,
     has_learned,
     learn_bias,
@@ -190,7 +190,7 @@ def _sum_up(rows, valid, params, state, out):
         p, st = params[j], state[j]
         for k in range(len(rows)):
             n = _ranked(rows[k], valid, p, st)
-            if watch_sums(middle(n, np.nan, st), n, p, st) != NOBODY:
+            if watch_sums(middle(n, np.nan, st), n, p, st) != NO_CHANNEL:
                 out[k] = max(out[k], p["slow_allowance"])
                 begin_sums(st)
             learn_bias(middle(n, np.nan, st), n, p, st)

@@ -167,7 +167,7 @@ def _offset(design: Design) -> float | None:
 
 
 def _share(design: Design) -> float | None:
-    share = (design["tradeoff"] or {}).get("found_rightly")
+    share = (design["tradeoff"] or {}).get("correctly_isolated")
     return None if share is None else 100.0 * share
 
 

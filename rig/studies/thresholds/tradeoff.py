@@ -39,7 +39,7 @@ _STEPS: Final = 64
 class Found(NamedTuple):
     """Pieces with a correct isolation, with a wrong isolation, and with none; and the delays, s."""
 
-    right: int
+    correct: int
     wrong: int
     missed: int
     delay_s: float | None  # median of the correct isolations
@@ -83,7 +83,7 @@ class Tradeoff:
 
 
 def _share(kinds: dict[str, Found]) -> float:
-    return sum(counts.right for counts in kinds.values()) / sum(sum(counts[:3]) for counts in kinds.values())
+    return sum(counts.correct for counts in kinds.values()) / sum(sum(counts[:3]) for counts in kinds.values())
 
 
 def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = BEFORE_S) -> Pieces | None:
@@ -161,7 +161,7 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 
     def enough(step: int) -> bool:
         counts = inject(cut, settings, "offset", threshold / 4.0 * _STEP**step)
-        return counts.right >= FOUND * len(cut.samples)
+        return counts.correct >= FOUND * len(cut.samples)
 
     if not enough(high):
         return None

@@ -43,10 +43,10 @@ class Config(Settings):
     """Settings of the servos of the three surfaces; fractions are of the stroke, from stop to stop."""
 
     model: Literal["lag", "servo"] = "lag"
-    monitors: bool = True  # False: nobody opens a shut-off valve
+    monitors: bool = True  # False: no shut-off valve is opened
     spool_rad_s: float = Field(default=500.0, gt=0, le=5000)  # natural frequency of the spool
     spool_damping: float = Field(default=0.7, gt=0, le=2)
-    bypass_s: float = Field(default=0.5, gt=0)  # time constant towards bypass_rad, when nobody holds the ram
+    bypass_s: float = Field(default=0.5, gt=0)  # time constant towards bypass_rad, when no channel holds the ram
     bypass_rad: float = Field(default=0.0, ge=-1, le=1)
     lvdt_bias_tolerance: float = Field(default=0.0025, ge=0)  # of the stroke; drawn once a flight, as all tolerances
     lvdt_scale_tolerance: float = Field(default=0.005, ge=0, lt=1)

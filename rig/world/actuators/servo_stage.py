@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
-from rig.core.frame import CHANNELS, MOVED, SURFACES, SYSTEMS, lane_rows
+from rig.core.frame import CHANNELS, MOVED, SURFACES, SYSTEMS, second_rows
 from rig.core.kernels import clamp, kernel
 from rig.world.actuators.actuators_table import Config
 from rig.world.actuators.servo import RAM, SERVO, SPOOL, asked_current, move_ram, move_spool, substeps, transition
@@ -94,7 +94,7 @@ class Actuators:
             state=state,
             monitors=monitors,
             noise=np.zeros((0, len(MOVED), CHANNELS), np.float32),
-            rows=lane_rows(2)["servo"],  # of two: of one the view would count as contiguous
+            rows=second_rows(2)["servo"],  # of two: of one the view would count as contiguous
             asked=np.zeros((CHANNELS, len(SURFACES))),
             off=np.zeros(CHANNELS, np.uint8),
             positions=np.tile(trim_rad, (steps_per_frame, 1)),

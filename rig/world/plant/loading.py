@@ -19,7 +19,7 @@ from rig.world.plant.level import turns_propellers
 from rig.world.plant.model_root import model_root
 
 log = logging.getLogger("rig.jsbsim")
-log.addHandler(logging.NullHandler())  # else warnings would go to stderr when nobody listens
+log.addHandler(logging.NullHandler())  # else warnings would go to stderr without a listener
 _LEVELS = {
     jsbsim.LogLevel.WARN: logging.WARNING,
     jsbsim.LogLevel.ERROR: logging.ERROR,

@@ -218,8 +218,8 @@ def _bars(
 def _of_servo(case: Case, log: rig.Log) -> Iterable[str]:
     """Yield the currents of the elevator's four coils, and when a channel is shut off."""
     chosen = (log.time_s >= case.start_s) & (log.time_s < case.stop_s)
-    assert log.lanes is not None
-    time, servo = log.time_s[chosen], log.lanes["servo"][chosen]
+    assert log.parts is not None
+    time, servo = log.time_s[chosen], log.parts["servo"][chosen]
     axes = Axes((case.start_s, case.stop_s), (-1.1, 1.1))
     yield from _frame(axes, (-1, 0, 1), "current of the elevator's coils")
     for c in range(4):
@@ -237,8 +237,8 @@ def drawn(case: Case, folder: Path) -> str:
     log = rig.read_log(flight.log)
     if case.shows == "current":
         parts = _of_servo(case, log)
-    elif case.shows == "lanes" and log.lanes is not None:
-        parts = _bars(case, log, "ABCD", log.lanes["computer"]["health"], (Health.ENGAGED, Health.SUSPECT))
+    elif case.shows == "lanes" and log.parts is not None:
+        parts = _bars(case, log, "ABCD", log.parts["computer"]["health"], (Health.ENGAGED, Health.SUSPECT))
     else:
         parts = _of_signal(case, log)
     return thumbnail(case, parts)

@@ -75,7 +75,7 @@ class Outcome(NamedTuple):
 
     lost: bool
     off: tuple[float, float]  # g, deg/s
-    found_by: str  # nothing: nobody
+    found_by: str  # nothing: no channel
     after_s: float
     others: int  # lanes and channels failed that the fault is not on
 

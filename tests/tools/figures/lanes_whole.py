@@ -183,7 +183,7 @@ def _of_log(folder: Path) -> Iterator[str]:
 
 
 def _exported(log: Path, out: Path) -> str:
-    lanes = read_log(log).lanes
+    lanes = read_log(log).parts
     assert lanes is not None
     written = [export(log, to, out.with_suffix(f".{to}")) for to in ("npz", "parquet", "csv")]
     columns, sizes = np.load(out.with_suffix(".npz")), sorted({len(one.columns) for one in written})
@@ -209,8 +209,8 @@ def _killed(whole: Path, folder: Path) -> Iterator[str]:
     mended = folder / "mended.mcap"
     recover(logs[0], mended)
     saved, all_rows = read_log(mended), read_log(whole)
-    assert saved.lanes is not None and all_rows.lanes is not None
+    assert saved.parts is not None and all_rows.parts is not None
     n = len(saved.rows)
-    same = saved.lanes.tobytes() == all_rows.lanes[:n].tobytes() and saved.rows.tobytes() == all_rows.rows[:n].tobytes()
-    yield f"killed and recovered: {n} rows, {len(saved.lanes)} of lanes; beside the whole flight {same_or_not(same)}"
+    same = saved.parts.tobytes() == all_rows.parts[:n].tobytes() and saved.rows.tobytes() == all_rows.rows[:n].tobytes()
+    yield f"killed and recovered: {n} rows, {len(saved.parts)} of lanes; beside the whole flight {same_or_not(same)}"
     yield f"recovered and replayed: {same_or_not(verify(recorded(mended)).comparison.identical)}"

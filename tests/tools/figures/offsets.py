@@ -23,7 +23,7 @@ BELOW: Final = 0.9  # of a threshold
 ONSET_S: Final = 4.0
 LIMIT_G: Final = 0.5
 LIMIT_DEG_S: Final = 10.0
-DESIGNS: Final = {"two alike": 4, "one of two": 2}  # channels that go on when nobody finds the fault
+DESIGNS: Final = {"two alike": 4, "one of two": 2}  # channels that go on when the fault is not found
 CONDITIONS: Final = {
     "level": (),
     "manoeuvre": (
@@ -38,7 +38,7 @@ RATES: Final = ("roll_rate", "pitch_rate", "yaw_rate")
 def smallest(faults: pl.DataFrame) -> str:
     """Return the size from which on at least 99 % are isolated rightly; - where too few are."""
     ordered = faults.sort("magnitude")
-    sizes, right = ordered["magnitude"].to_numpy(), (ordered["isolation"] == "right").to_numpy().astype(float)
+    sizes, right = ordered["magnitude"].to_numpy(), (ordered["isolation"] == "correct").to_numpy().astype(float)
     share = np.cumsum(right[::-1])[::-1] / np.arange(len(right), 0, -1)  # of the faults from each on
     good = np.flatnonzero(share[: len(share) - LEAST_FAULTS + 1] >= DETECTED_SHARE)
     return f"{sizes[good[0]]:.3g}" if len(good) else "-"

@@ -2,7 +2,7 @@
 is flown.
 
 One fault at a time in one of three channels of each flight and axis, after 20 to 60 % of the flight: right when the
-faulty channel is the first to be failed after that and nobody is failed before.
+faulty channel is the first to be failed after that and none is failed before.
 """
 
 from __future__ import annotations
@@ -122,5 +122,5 @@ def quad_baselines(folder: str, budgets: str = "10,3,1", names: str = "") -> Non
     wanted = [name for name in ENTRANTS if not names or any(each in name for each in names.split(";"))]
     chosen = product(wanted, map(float, budgets.split(",")))
     print(f"{len(data.names)} flights, {data.hours:.3f} h\n")
-    header = ("entrant", "budget, 1/h", "false isolations", "right, %", "right/wrong/missed/prior")
+    header = ("manager", "budget, 1/h", "false isolations", "right, %", "right/wrong/missed/prior")
     table((*header, *FAULTS), (row(name, ENTRANTS[name], signals, budget) for name, budget in chosen))

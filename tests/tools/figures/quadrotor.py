@@ -100,7 +100,7 @@ def outcome(raw: Recording, aligned: bool, axis: str, channel: int, offset: floa
 
 
 def quad_selection(folder: str) -> None:
-    """Print what the manager ``selection`` finds at 7 deg/s and 15 deg: right/wrong/missed/prior, median delay."""
+    """Print what the manager ``selection`` finds at 7 deg/s and 15 deg: correct/wrong/missed/prior, median delay."""
     recordings = [read(path, SELECTION, repair=True) for path in flights(folder)]
     settings = SELECTION.signals(recordings[0].signals, "")
     by_6_s = [align(flight, settings, end_s=6.0)[0] for flight in recordings]
@@ -111,8 +111,8 @@ def quad_selection(folder: str) -> None:
             for i, flight in enumerate(recordings)
             for j, axis in enumerate(AXES)
         ]
-        counts = [sum(result == name for result, _ in runs) for name in ("right", "wrong", "missed", "prior")]
-        delays = [delay for result, delay in runs if result == "right" and delay is not None]
+        counts = [sum(result == name for result, _ in runs) for name in ("correct", "wrong", "missed", "prior")]
+        delays = [delay for result, delay in runs if result == "correct" and delay is not None]
         return f"{'/'.join(map(str, counts))}, {np.median(delays):.2f} s" if delays else "/".join(map(str, counts))
 
     rows = [

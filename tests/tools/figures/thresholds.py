@@ -1,6 +1,6 @@
 """Thresholds from a budget: on real flights that did not design them, on noise of known kinds, and their time.
 
-Real flights: nobody is faulty, so a channel that is failed is a false isolation.  Then one channel of each flight and
+Real flights: no channel is faulty, so a failed channel is a false isolation.  Then one channel of each flight and
 axis is made faulty, after 20 to 60 % of the flight, by each of eleven faults in turn: right when the faulty channel is
 the first to be failed after that, wrong when another is, prior when one had been failed before.
 """
@@ -136,8 +136,8 @@ def fixed(signals: Signals, threshold: float, frames: int) -> list[str]:
     settings = RecordedSignal(threshold=threshold, persistence=frames)
     places = [(axis, flight) for axis, of in enumerate(signals.values()) for flight in of]
     healthy = (np.ascontiguousarray(flight.samples.T)[None] for _, flight in places)
-    nobody, rate_hz = np.zeros(1, np.int64), places[0][1].rate_hz
-    watched = [outcomes(rows, nobody, rows.shape[1], settings, rate_hz) for rows in healthy]
+    none, rate_hz = np.zeros(1, np.int64), places[0][1].rate_hz
+    watched = [outcomes(rows, none, rows.shape[1], settings, rate_hz) for rows in healthy]
     hit = sum(bool((of["failed_at"] != NEVER).any()) for of in watched)
     runs = [monitored(flight, axis, settings) for axis, flight in places]
     return row(f"{threshold:g} deg/s, {frames} frames", f"in {hit} of {len(places)}", runs)

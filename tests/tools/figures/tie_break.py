@@ -1,6 +1,6 @@
 """How often each criterion was right in the campaign ``tie_break``, with exact intervals of 95 %.
 
-Right: every faulty channel is failed and no healthy one.  Wrong: a healthy channel is failed.  Nobody: neither.
+Correct: every faulty channel is failed and no healthy one.  Wrong: a healthy channel is failed.  Undecided: neither.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rig.studies.campaign.statistics import proportion
 ALL: Final = "all in the default order"
 ORDERS: Final = ("ilm alone", "reference alone", "trend alone", "extremes and middle alone", ALL)
 PATTERNS: Final = ("2:2", "1:1:1:1", "1:1:1", "1:1")
-OUTCOMES: Final = ("right", "wrong", "undecided")
+OUTCOMES: Final = ("correct", "wrong", "undecided")
 
 
 def flown(folder: str) -> pl.DataFrame:
@@ -26,7 +26,7 @@ def flown(folder: str) -> pl.DataFrame:
     wrong = (pl.col("wrong_isolations") + pl.col("false_alarms")) > 0
     right = ~wrong & (pl.col("missed") == 0) & (pl.col("detected") > 0)
     return runs.with_columns(
-        result=pl.when(wrong).then(pl.lit("wrong")).when(right).then(pl.lit("right")).otherwise(pl.lit("undecided")),
+        result=pl.when(wrong).then(pl.lit("wrong")).when(right).then(pl.lit("correct")).otherwise(pl.lit("undecided")),
         kind=pl.col("pattern").str.split(",").list.first(),
         place=pl.col("pattern").str.extract(r"good (\w+)"),
         signal=pl.col("faults.*.signal"),

@@ -35,7 +35,7 @@ UNREACHED: Final[dict[str, dict[str, Any]]] = {
     "no such functions": {"path": str(next(Path("/lib").rglob("libm.so.6"), "libm.so.6"))},
     "no such program": {"transport": "udp", "start_s": 1.0, "command": ["no-such-program"]},
     "silent program": {"transport": "udp", "start_s": 1.0, "command": ["sleep", "60"]},
-    "nobody at the address": {"transport": "udp", "start_s": 1.0, "address": "127.0.0.1:9"},
+    "no program at the address": {"transport": "udp", "start_s": 1.0, "address": "127.0.0.1:9"},
 }
 
 

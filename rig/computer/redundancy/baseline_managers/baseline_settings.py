@@ -29,7 +29,7 @@ class Baseline(Settings):
     levels: ClassVar[tuple[str, ...]] = ()  # the settings to calibrate: one, or of 4, 3, 2 channels
 
     ties: Literal["guess", "hold"] = "hold"  # an even split without a usable reference: fails one, or holds the vote
-    bounded: bool = True  # what is shorter than the persistence fails nobody; False: as published
+    bounded: bool = True  # what is shorter than the persistence fails no channel; False: as published
     spread: float = Field(default=0.04, gt=0)  # of a healthy channel about its bias, standard deviation, thresholds
     signals: dict[str, dict[str, Any]] = {}  # of single signals, in place of the above
 
@@ -136,7 +136,7 @@ class Baselines(Settings):
 BASELINE_PARAMS: Final = (
     ("holds_ties", "u1"),
     ("bounded", "u1"),
-    ("watches", "u1"),  # statistics alone: nobody is failed by them
+    ("watches", "u1"),  # statistics alone: they fail no channel
     ("spread", "f8"),
     ("allowance", "f8"),  # in the unit of ``spread``, as ``limit`` is
     ("limit", "f8", (3,)),  # while 4, 3, 2 samples are compared

@@ -20,7 +20,7 @@ from rig.computer.redundancy.slow_faults import count_repeats, middle
 from rig.core.frame import CHANNELS, DecidedBy
 from rig.core.kernels import kernel
 
-NOBODY: Final = -1
+NO_CHANNEL: Final = -1
 BASELINE_STATE: Final = (
     ("statistic", "f8", (CHANNELS,)),  # of this frame, in the unit of the level that fails a channel
     ("run", "i8"),  # frames in a row above the limit, of the same channel
@@ -78,8 +78,8 @@ def limit_of(n, p):
 
 @kernel
 def largest_above(n, limit, st):
-    """Return the channel with the largest statistic above ``limit``, or ``NOBODY``."""
-    worst, largest = NOBODY, limit
+    """Return the channel with the largest statistic above ``limit``, or ``NO_CHANNEL``."""
+    worst, largest = NO_CHANNEL, limit
     for i in range(n):
         c = st["order"][i]
         if st["statistic"][c] > largest:
@@ -89,18 +89,18 @@ def largest_above(n, limit, st):
 
 @kernel
 def slow_faults(worst, p, st):
-    """Return ``worst`` if it has been that for the persistence, or at once if nothing is bounded, or ``NOBODY``."""
-    st["run"] = st["run"] + 1 if worst == st["run_of"] and worst != NOBODY else int(worst != NOBODY)
+    """Return ``worst`` if it has been that for the persistence, or at once if nothing is bounded, or ``NO_CHANNEL``."""
+    st["run"] = st["run"] + 1 if worst == st["run_of"] and worst != NO_CHANNEL else int(worst != NO_CHANNEL)
     st["run_of"] = worst
     if p["bounded"] and st["run"] < p["persistence"]:
-        return NOBODY
+        return NO_CHANNEL
     return worst
 
 
 @kernel
 def isolate(at, worst, p, st):
-    """Fail ``worst``, unless it is ``NOBODY``, or one of an even split that nothing settles."""
-    if worst == NOBODY or at.n < 2:
+    """Fail ``worst``, unless it is ``NO_CHANNEL``, or one of an even split that nothing settles."""
+    if worst == NO_CHANNEL or at.n < 2:
         return
     st["alarm"] = True
     if p["watches"]:
@@ -164,5 +164,5 @@ def count(n, p, st):
 @kernel
 def begin_again(st):
     """Forget what all baseline managers keep of a signal: another number of channels has another middle."""
-    st["run"], st["run_of"] = 0, NOBODY
+    st["run"], st["run_of"] = 0, NO_CHANNEL
     st["statistic"][:] = 0.0

@@ -90,11 +90,11 @@ def sum_distances(at, limit, p, st):
 @kernel
 def select_least(n, lead, st):
     """Move the selection to the ranked channel with the least sum, if its own is more by ``lead``, or has no sample."""
-    here, best, selected = False, step.NOBODY, st["selected"]
+    here, best, selected = False, step.NO_CHANNEL, st["selected"]
     for i in range(n):
         c = st["order"][i]
         here = here or c == selected
-        if best == step.NOBODY or st["statistic"][c] < st["statistic"][best]:
+        if best == step.NO_CHANNEL or st["statistic"][c] < st["statistic"][best]:
             best = c
-    if best != step.NOBODY and (not here or st["statistic"][selected] - st["statistic"][best] > lead):
+    if best != step.NO_CHANNEL and (not here or st["statistic"][selected] - st["statistic"][best] > lead):
         st["selected"] = best
