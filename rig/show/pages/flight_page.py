@@ -23,7 +23,7 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
 from rig.show.pages import servo_figures as actuators
-from rig.show.pages.course import FIELDS, ISOLATION, Course, Moment, affected, limit, moment, signals_of
+from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
 from rig.show.pages.decision_figure import began, of_moment
 from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
@@ -63,7 +63,8 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
         "requirements": cells.violated_first(robustness.verdicts),
         "unmeasured": robustness.remark,
     }
-    write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
+    counted = any("yaxis2" in drawn[f"moment-{one.signal}"].layout for one in moments)
+    write_page(out, "flight.html", drawn, {}, drawn=list(drawn), counted=counted, **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     told |= {"requirements": [plain(one) for one in robustness.verdicts]} if robustness.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
@@ -141,12 +142,13 @@ def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
 
 
 def _waits(scored: Scored, name: str) -> dict[str, int]:
-    """Return the persistences of a signal in frames, by name; empty if the manager does not compare channels."""
-    evidence = scored.score.evidence
-    if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
+    """Return the persistences of a signal in frames, by name; empty if the manager has no isolation threshold."""
+    evidence, kind = scored.score.evidence, manager_kind(scored.scenario.redundancy.manager)
+    if evidence.by_unit or not kind.has_threshold:
         return {}
     p = evidence.params[INDEX[name]]
-    return {"persistence": int(p["persistence"]), "split persistence": int(p["split_persistence"])}
+    splits = {"split persistence": int(p["split_persistence"])} if kind.compares else {}
+    return {"persistence": int(p["persistence"]), **splits}
 
 
 def _about(
@@ -165,7 +167,8 @@ def _about(
         "voter": scored.voter,
         "ended": seconds(score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
-        "moments": [(one, _decided(one, _start(course, one), rate_hz)) for one in moments],
+        "moments": _sentences(scored, course, moments, rate_hz),
+        "manager": manager_kind(scenario.redundancy.manager),
         "actuators": actuators.happened(scored) if "servo" in log.lanes else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
@@ -183,16 +186,20 @@ def _about(
     }
 
 
-def _start(course: Course, one: Moment) -> str:
-    """Return with what a decision began."""
-    return began(course.flight[one.begin : one.end].rows, one)
+def _sentences(
+    scored: Scored, course: Course, moments: Sequence[Moment], rate_hz: float
+) -> list[tuple[Moment, str]]:
+    """Return each decision with its sentence."""
+    silent = "" if Context(scored.scenario, scored.score).isolates(next(iter(INDEX))) else scored.voter
+    starts = [began(course.flight[one.begin : one.end].rows, one) for one in moments]
+    return [(one, _decided(one, start, rate_hz, silent)) for one, start in zip(moments, starts, strict=True)]
 
 
-def _decided(one: Moment, start: str, rate_hz: float) -> str:
-    """Return start and isolation of a decision as text; ``start`` as of the picture."""
+def _decided(one: Moment, start: str, rate_hz: float, silent: str) -> str:
+    """Return start and isolation of a decision as text; ``start`` as of the picture; silent : a voter that never isolates."""
     first = f"{start} at {seconds(one.first, rate_hz)}"
     if one.isolated is None:
-        return f"{first}; no channel isolated"
+        return f"{first}; {f'the {silent} isolates no channel' if silent else 'no channel isolated'}"
     frames = one.isolated - one.first
     if not frames:
         return f"{first}, isolated in the same frame"
@@ -241,6 +248,6 @@ def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
     lines = []
     for name, value in _thresholds(scored, names).items() if names else ():
         monitor, unit = limit(resolved, name), SIGNALS[INDEX[name]].unit
-        own = f", {monitor.text}" if monitor.name == ISOLATION else ""
+        own = f", {monitor.text}" if monitor.isolates else ""
         lines.append(f"{name}: error limit {quantity(value, unit)}{own}")
     return lines
