@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import manager_kind
+from rig.computer.redundancy.managers import ManagerKind, manager_kind
 from rig.core.column import columns
 from rig.core.frame import INDEX, SIGNALS, SURFACES
 from rig.core.outputs import require_apart, require_page
@@ -70,6 +70,25 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
     return {"report": str(out), **told, **scored.as_dict()}
 
 
+class Decision(NamedTuple):
+    """What a page on another subject shows of a flight: its conclusion, pictures by id, and who votes."""
+
+    conclusion: list[str]
+    figures: dict[str, go.Figure]
+    manager: ManagerKind
+
+
+def decision_of(path: Path) -> Decision:
+    """Return the first decision of the flight whose log is at ``path``, and the errors of its voted values."""
+    log = LogFile.open(path)
+    scored = score_log(path, Yardstick(), baseline=False, log=log)
+    course = Course(log.table(FIELDS), len(scored.scenario.faults))
+    names = affected(scored, course)
+    moments = [found for name in names if (found := moment(scored, course, name)) is not None][:1]
+    figures = _moments(scored, course, moments) | {"votes": _votes(scored, course, names[:MOST_SIGNALS])}
+    return Decision(list(scored.conclusion), figures, manager_kind(scored.scenario.redundancy.manager))
+
+
 def write_report(flight: Flight | Path | str, out: Path | str | None = None, requirements: Sequence[str] = ()) -> Path:
     """Write the report of a flight as one HTML file that opens offline, and return its path.
 
@@ -90,19 +109,15 @@ def _figures(
     log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, go.Figure]:
     """Draw the pictures by the id of their element, in the order of the page; names : signals with an event."""
-    shown, flight = names[:MOST_SIGNALS], course.flight
+    shown, flight, acting = names[:MOST_SIGNALS], course.flight, _acting(course, scored)
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = actuators.happened(scored) if "servo" in log.lanes else []
-    lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
-    labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
+    lanes, labels = computers.happened(scored, log.events), [fault.label for fault in scored.scenario.faults]
     beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
     health = [span for span in beside if span.lane.startswith("lane ") or span.lane == "leading lane"]
     states = spans(course, rate_hz, names, labels, [*health, *actuators.states(course, rate_hz)])
     found = {"timeline": timeline(states, course.frames / rate_hz)} if states else {}
-    for one in moments:
-        acts = acting[one.signal][one.begin : one.end]
-        about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
-        found[f"moment-{one.signal}"] = of_moment(flight[one.begin : one.end].rows, rate_hz, *about)
+    found |= _moments(scored, course, moments)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(
             of_signal(flight, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
@@ -112,11 +127,28 @@ def _figures(
     if lanes is not None:
         found["computers"] = timeline(beside, course.frames / rate_hz)
         found["commands"] = computers.commands(flight[lanes.begin : lanes.end], scored, lanes)
-    time_s = flight["frame"] / rate_hz
-    shares = {name: line(time_s, errors(flight, name) / limit) for name, limit in thresholds.items()}
-    found["votes"] = draw.vote_errors(shares, thresholds)
+    found["votes"] = _votes(scored, course, shown)
     found["surfaces"] = draw.surfaces([of_surface(flight, rate_hz, i) for i in range(len(SURFACES))])
     return found
+
+
+def _moments(scored: Scored, course: Course, moments: Sequence[Moment]) -> dict[str, go.Figure]:
+    """Draw each decision, by the id of its element."""
+    resolved, rate_hz, acting = scored.scenario.resolved(), scored.scenario.rate_hz, _acting(course, scored)
+    found = {}
+    for one in moments:
+        acts = acting[one.signal][one.begin : one.end]
+        about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
+        found[f"moment-{one.signal}"] = of_moment(course.flight[one.begin : one.end].rows, rate_hz, *about)
+    return found
+
+
+def _votes(scored: Scored, course: Course, names: Sequence[str]) -> go.Figure:
+    """Draw voted minus true values of ``names``, or of those with the largest error in limits."""
+    flight, thresholds = course.flight, _thresholds(scored, names)
+    time_s = flight["frame"] / scored.scenario.rate_hz
+    shares = {name: line(time_s, errors(flight, name) / limit) for name, limit in thresholds.items()}
+    return draw.vote_errors(shares, thresholds)
 
 
 def _acting(course: Course, scored: Scored) -> dict[str, NDArray[np.bool_]]:
@@ -186,9 +218,7 @@ def _about(
     }
 
 
-def _sentences(
-    scored: Scored, course: Course, moments: Sequence[Moment], rate_hz: float
-) -> list[tuple[Moment, str]]:
+def _sentences(scored: Scored, course: Course, moments: Sequence[Moment], rate_hz: float) -> list[tuple[Moment, str]]:
     """Return each decision with its sentence."""
     silent = "" if Context(scored.scenario, scored.score).isolates(next(iter(INDEX))) else scored.voter
     starts = [began(course.flight[one.begin : one.end].rows, one) for one in moments]
@@ -196,7 +226,10 @@ def _sentences(
 
 
 def _decided(one: Moment, start: str, rate_hz: float, silent: str) -> str:
-    """Return start and isolation of a decision as text; ``start`` as of the picture; silent : a voter that never isolates."""
+    """Return start and isolation of a decision as text.
+
+    start : as of the picture; silent : a voter that never isolates
+    """
     first = f"{start} at {seconds(one.first, rate_hz)}"
     if one.isolated is None:
         return f"{first}; {f'the {silent} isolates no channel' if silent else 'no channel isolated'}"

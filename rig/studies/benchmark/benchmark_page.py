@@ -37,7 +37,9 @@ def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
         figure, sizes = go.Figure(), [row["size"] for row in rows if _key(row) == key]
         for name in entrants:
             mine = [row for row in rows if _key(row) == key and row["entrant"] == name]
-            figure.add_scatter(x=_apart(mine, sizes, "size", name, entrants), **_isolated(mine), **_line(name, entrants))
+            figure.add_scatter(
+                x=_apart(mine, sizes, "size", name, entrants), **_isolated(mine), **_line(name, entrants)
+            )
         title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
         lay_out(figure, title, _HEIGHT)
         _log_axis(figure, "size of the fault, thresholds", sizes)
@@ -88,9 +90,7 @@ def _key(row: Row) -> tuple[Any, ...]:
     return row["signal"], row["kind"], row["faults"]
 
 
-def _apart(
-    rows: Sequence[Row], drawn: Sequence[float], axis: str, name: str, entrants: Sequence[str]
-) -> list[float]:
+def _apart(rows: Sequence[Row], drawn: Sequence[float], axis: str, name: str, entrants: Sequence[str]) -> list[float]:
     """Return the places on a logarithmic axis, moved a little by manager, so that no interval hides another.
 
     drawn : all places on the axis
