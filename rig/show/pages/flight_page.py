@@ -71,7 +71,7 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
 
 
 class Decision(NamedTuple):
-    """What a page on another subject shows of a flight: its conclusion, pictures by id, and who votes."""
+    """The conclusion of a flight, its pictures by id, and its manager, for a page on another subject."""
 
     conclusion: list[str]
     figures: dict[str, go.Figure]
