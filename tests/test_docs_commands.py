@@ -167,6 +167,10 @@ def test_a_rewrite_keeps_gaps_and_takes_over_new_words():
 
 def test_what_varies_is_not_shown(tmp_path: Path):
     lines = ["run time 228.8 us per frame, 44 x real time", "compiling kernels", "read 0.1 s, vote 0.25 s"]
+    lines += [
+        "20 of 200 runs, 16.6 per second, about 11 s left",
+        "40 of 200 runs, 2 lost, 9 per second, about 1 min left",
+    ]
     printed = "\n".join([*lines, f"log {tmp_path}/logs/a.mcap  ", "", ""])
     assert page_outputs.normal(printed, tmp_path) == [
         "run time ... us per frame, ... x real time",

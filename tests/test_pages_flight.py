@@ -168,6 +168,32 @@ def test_channels_differ_by_colour_and_dash_and_no_line_is_red(split: Path):
     assert failed["marker"]["color"] == RED
 
 
+@pytest.mark.parametrize(
+    ("manager", "threshold", "counted", "said"),
+    [
+        ("mean", False, False, "the manager mean isolates no channel"),
+        ("cusum", False, False, "isolated at"),
+        ("cross-voter", True, True, "isolated at"),
+    ],
+)
+def test_a_threshold_and_counts_are_shown_only_of_a_manager_that_has_them(
+    tmp_path: Path, manager: str, threshold: bool, counted: bool, said: str
+):
+    overrides = ["duration_s=4", "faults.0.start_s=2", f"redundancy.manager={manager}"]
+    flown = fly("f16_pitch_rate_hardover", overrides=overrides, out=tmp_path)
+    report(flown.log, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    drawn = figures(text)["moment-pitch_rate"]["layout"]
+    notes = [note["text"] for note in drawn["annotations"]]
+    bands = [shape for shape in drawn["shapes"] if shape["type"] == "rect" and (shape["y0"], shape["y1"]) == (-1, 1)]
+    assert [bool(bands), "± isolation threshold 2.86 deg/s" in notes] == [threshold, threshold]
+    assert ("1 error limit: 2.86 deg/s" in notes) is not threshold
+    assert ["yaxis2" in drawn, "limit (persistence): 8" in notes] == [counted, counted]
+    body = text[text.index("<h1>") : text.index('id="figures"')]
+    assert said in body and ("isolation thresholds." in body) is threshold
+    assert ("The decision" in body) is (manager != "mean")
+
+
 @outside.needs("chromium")
 def test_in_a_browser_every_lane_has_its_name_and_nothing_lies_on_it(split: Path, tmp_path: Path):
     named = {f"pitch_rate {of}" for of in ("channel 1", "channel 2", "channel 3", "channel 4", "pattern", "level")}

@@ -122,13 +122,31 @@ def test_the_report_has_the_assumptions_before_the_numbers_and_needs_no_network(
     assert not re.findall("<(?:script|link|img)[^>]*https?:", page)
 
 
+def test_without_a_failure_the_picture_has_the_upper_end_as_a_triangle(
+    rig_command, counted, rates: Path, tmp_path: Path
+):
+    counted["a"] = Cells("cross-channel", table(bad=0), NO_ALARMS)
+    arguments = ("reliability", "run", "a", "--rates", str(rates), "--report", str(tmp_path / "report.html"), "--json")
+    results = json.loads(rig_command(*arguments)[1])["results"]
+    page = (tmp_path / "report.html").read_text()
+    line = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])["picture-0"]["data"][0]
+    drawn = [one for one in results if one["case"]["flights_between_checks"] == 1]
+    drawn = [one for one in drawn if one["case"]["per_hour"] == results[0]["case"]["per_hour"]]
+    ends = {one["case"]["channels"]: one["estimates"]["undetected_error"] for one in drawn}
+    assert line["marker"]["symbol"] == ["triangle-down" if ends[n]["low"] is None else "circle" for n in line["x"]]
+    assert line["y"] == [ends[n]["median" if ends[n]["low"] is not None else "high"] for n in line["x"]]
+    assert line["error_y"]["arrayminus"][-1] == 0.0 and ends[4]["low"] is None
+    assert "A triangle in a picture is an upper end" in page
+
+
 @outside.needs("chromium")
 def test_in_a_browser_no_column_is_cut_and_no_two_labels_of_a_picture_overlap(
     rig_command, counted, rates: Path, tmp_path: Path
 ):
     counted["a"] = Cells("cross-channel", table(bad=1), NO_ALARMS)
     rig_command("reliability", "run", "a", "--rates", str(rates), "--report", str(tmp_path / "report.html"))
-    [seen] = visit(tmp_path / "report.html", tmp_path, 1400)
+    seen, tablet, phone = visit(tmp_path / "report.html", tmp_path, 1400, 700, 390)
+    assert [(each.console, each.hidden) for each in (tablet, phone)] == [([], 0)] * 2
     assert seen.console == [] and seen.right <= 1400 and seen.hidden == 0 and seen.drawn >= 3
     for figure in ("picture-0", "picture-1", "picture-2"):
         texts = [text for text in seen.texts if text.figure == figure]

@@ -233,6 +233,9 @@ def test_the_table_and_the_page_have_every_line(rig_command, gathered, rates: Pa
     items = {row["item"] for row in table}
     assert [len(page.xpath(f"//table//tr[{where}]")) for where in ("@class='item'", "td")] == [len(items), count]
     assert not page.xpath("//*[@src]")
+    texts = page.xpath("string(//body)")
+    (remark,) = {row["remarks"] for row in table if row["remarks"]}
+    assert texts.count(remark) == 1 and f"(1) {remark}" in texts
 
 
 def test_the_columns_of_the_page_have_every_text_of_a_line_once():
@@ -245,7 +248,7 @@ def test_in_a_browser_no_column_of_the_page_is_cut(rig_command, gathered, rates:
     gathered({}, {"kind": "offset", "magnitude": 1.0})
     page = tmp_path / "fmea.html"
     rig_command("reliability", "fmea", "C", "--rates", str(rates), "--out", str(page))
-    widths = (1400, 1030)  # a screen; A4 across
+    widths = (1400, 1030, 700, 390)  # a screen; A4 across; a tablet; a phone
     for width, seen in zip(widths, visit(page, tmp_path, *widths), strict=True):
         assert (seen.console, seen.hidden) == ([], 0) and seen.right <= width
 

@@ -1,11 +1,14 @@
 """One search: the same table for any workers and after any interruption; every find is flown from its file."""
 
+import base64
 import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import polars as pl
 import pytest
 
 from rig.core.errors import BadInput
@@ -91,7 +94,20 @@ def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     assert figures["violated"] == sum(of_flight["vote"] == "violated" for of_flight in told) > 0
     assert figures["robustness"] == min(map(robustness, runs["requirements"]))
     assert figures["worst"]["arm"] == "alike" and figures["confirmed"][0] >= 2
-    assert "Plotly.react" in (whole[0] / "search.html").read_text()
+
+
+def test_the_page_of_a_search_shows_the_worst_flight(whole: tuple[Path, Ended]):
+    text = (whole[0] / "search.html").read_text()
+    drawn = json.loads(text.split('id="figures">')[1].split("</script>")[0])
+    assert list(drawn) == ["robustness", "moment-pitch_rate", "votes"] and "Plotly.react" in text
+    number = whole[1].figures["worst"]["run"]
+    (note,) = [each for each in drawn["robustness"]["layout"]["annotations"] if each["text"] == "worst case"]
+    least = robustness(open_folder(whole[0]).tables["runs"].filter(pl.col("run") == number)["requirements"][0])
+    assert (note["x"], note["y"]) == (number + 1, pytest.approx(least))
+    assert f"--run {number}</code>" in text and "The outcome of this flight: " in text
+    (error,) = [each for each in drawn["votes"]["data"] if each["name"].startswith("pitch_rate")]
+    off = np.frombuffer(base64.b64decode(error["y"]["bdata"]), error["y"]["dtype"])
+    assert np.abs(off).max() > 1.0  # the vote is wrong, which is what was searched
 
 
 @pytest.mark.parametrize(("workers", "parts"), [(2, 1), (3, 4)])

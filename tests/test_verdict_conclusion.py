@@ -139,6 +139,16 @@ def test_an_error_below_the_threshold_is_said_to_be_undetectable_with_the_thresh
     assert "no detectable fault, no healthy" in told.summary
 
 
+def test_a_manager_that_isolates_nothing_has_no_isolation_threshold():
+    told = said([offset([2], 0.2, 0.2)], "redundancy.manager=mean")
+    assert told[1] == (
+        "pitch rate, channel 2: offset of 11.5 deg/s at 0.20 s; not isolated, although its error exceeded the error "
+        "limit of 2.86 deg/s for 800 ms; the manager mean isolates no channel"
+    )
+    below = said([offset([2], 0.2, 0.03)], "redundancy.manager=mean")[1]
+    assert below.endswith("not detectable: its error stayed below the error limit of 2.86 deg/s")
+
+
 def test_a_fault_shorter_than_the_persistence_is_missed_for_that():
     told = said([offset([2], 0.2, 0.2, 0.25)])
     assert (

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import manager_kind
+from rig.computer.redundancy.managers import MANAGERS, manager_kind
 from rig.core.blocks import cuts
 from rig.core.frame import DISCRETES, INDEX, SIGNALS, SURFACES, Pattern, State
 from rig.core.units.angles import differences
@@ -54,6 +54,18 @@ class Context(NamedTuple):
         """Return True if channels were compared with each other, which can be done again."""
         own = not self.score.evidence.by_unit
         return fault.signal in INDEX and own and manager_kind(self.scenario.redundancy.manager).compares
+
+    def isolates(self, signal: str) -> bool:
+        """Return False if no channel of a signal is ever isolated, as by the mean."""
+        own = signal in INDEX and not self.score.evidence.by_unit
+        return not own or manager_kind(self.scenario.redundancy.manager).isolates
+
+    @property
+    def limit(self) -> str:
+        """Name what an error of a channel is measured by: some managers have no isolation threshold."""
+        manager = self.scenario.redundancy.manager
+        without = not self.score.evidence.by_unit and manager in MANAGERS and not manager_kind(manager).has_threshold
+        return "error limit" if without else "isolation threshold"
 
     def silent(self, signal: str) -> bool:
         """Return True if no channel of a signal ever had a state, as from a unit that returns surfaces alone."""

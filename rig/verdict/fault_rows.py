@@ -135,7 +135,7 @@ def _fared(groups: Sequence[_Group], context: Context) -> str:
         delays = sorted({f.delay_from_onset_frames or 0 for group in groups for f in group.faults})
         first, last = (duration(delay, context.rate_hz) for delay in (delays[0], delays[-1]))
         return f"isolated after {first}" if first == last else f"isolated after {first} to {last}"
-    return {"missed": "not isolated", "undetectable": "not detectable: errors below the isolation thresholds"}.get(
+    return {"missed": "not isolated", "undetectable": f"not detectable: errors below the {context.limit}s"}.get(
         outcome, outcome
     )
 

@@ -134,6 +134,8 @@ def _why_missed(fault: FaultScore, context: Context) -> str:
     """Return why no channel was isolated for an error that exceeded the threshold for long enough."""
     if context.silent(fault.signal):
         return f"{context.decider} reports no channel states"
+    if not context.isolates(fault.signal):
+        return f"{context.decider} isolates no channel"
     if not context.compares(fault):
         return f"{context.decider} did not isolate the channel"
     return _fared(_while_missed(fault, context), context.unit(fault))
@@ -166,7 +168,7 @@ def _undetectable(fault: FaultScore, context: Context) -> str:
 def _threshold(fault: FaultScore, context: Context) -> str:
     """Return the threshold of the channel comparison: ``isolation threshold of 0.63 deg/s``."""
     value = context.threshold(fault)
-    return "isolation threshold" if value is None else f"isolation threshold of {quantity(value, context.unit(fault))}"
+    return context.limit if value is None else f"{context.limit} of {quantity(value, context.unit(fault))}"
 
 
 def _params(fault: FaultScore, context: Context) -> Any:

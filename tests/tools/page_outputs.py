@@ -20,7 +20,9 @@ VARIES: Final = (
 )
 _STAGES: Final = re.compile(rf"[a-z]+ {_NUMBER} s(?:, [a-z]+ {_NUMBER} s)+")  # read 0.11 s, vote 0.20 s
 # Progress in a pipe, and the compilation of kernels, once on a machine.
-DROPPED: Final = re.compile(rf"^compiling|^\d+ of \d+ runs, {_NUMBER} a second|^[\w ]+ \(\d+ of \d+\)$", re.I)
+DROPPED: Final = re.compile(
+    rf"^compiling|^\d+ of \d+ runs(?:, \d+ [a-z ]+)*, {_NUMBER} per second|^[\w ]+ \(\d+ of \d+\)$", re.I
+)
 
 
 def normal(printed: str, folder: Path) -> list[str]:

@@ -50,6 +50,16 @@ class ManagerKind(NamedTuple):
     settings: type[of_baselines.Baseline] | None = None  # whose ``levels`` are what a calibration chooses
     state: tuple[Any, ...] = ()  # of a baseline manager: fields of its record besides STATE and BASELINE_STATE
 
+    @property
+    def isolates(self) -> bool:
+        """Return True if the manager fails channels at all; the user's own one may."""
+        return self.compares or self.latches or self.takes_back or self.name not in MANAGERS
+
+    @property
+    def has_threshold(self) -> bool:
+        """Return True if a built-in manager fails a channel by the threshold of its signal, after its persistence."""
+        return self.compares or self.level is _FROM_THE_VOTE
+
 
 _THRESHOLDS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
 _FROM_THE_VOTE: Final = MonitorLevel("threshold", 1.0, dict.fromkeys(_THRESHOLDS, 1.0), _THRESHOLDS)

@@ -100,15 +100,25 @@ class Limit(NamedTuple):
     value: float
 
     @property
+    def isolates(self) -> bool:
+        """True if a channel beyond it is isolated."""
+        return self.name == ISOLATION
+
+    @property
     def text(self) -> str:
         """Name and figure: ``isolation threshold 0.63 deg/s``."""
-        return f"{self.name} {quantity(self.value, SIGNALS[INDEX[self.signal]].unit)}"
+        return f"{self.name} {self.figure}"
+
+    @property
+    def figure(self) -> str:
+        """Its value in display units: ``0.63 deg/s``."""
+        return quantity(self.value, SIGNALS[INDEX[self.signal]].unit)
 
 
 def limit(resolved: Mapping[str, Any], signal: str) -> Limit:
-    """Return the limit of a signal: of its monitor, or of its voted value if the manager compares no channels."""
-    compares = manager_kind(resolved["redundancy"]["manager"]).compares
-    return Limit(signal, ISOLATION if compares else "error limit", threshold(resolved, signal))
+    """Return the limit of a signal: of its monitor, or of its voted value if the manager has no threshold."""
+    monitored = manager_kind(resolved["redundancy"]["manager"]).has_threshold
+    return Limit(signal, ISOLATION if monitored else "error limit", threshold(resolved, signal))
 
 
 class Moment(NamedTuple):

@@ -43,17 +43,20 @@ def of_moment(
     """Draw a signal while it was decided: deviations and the threshold above, counts of frames and their limit below.
 
     rows : (n,) of the moment; acts : (n,) a fault on the signal acts; waits : persistences, frames, by name
+    Without a threshold of the manager there is no band, and without anything counted no lower panel.
     """
     shown, figure = series(rows, rate_hz, moment.signal), go.Figure()
     off = limit.value * shown.scale
     deviations = (shown.channels - shown.voted[:, None]) / off
-    figure.add_hrect(y0=-1.0, y1=1.0, fillcolor=_BAND, line_width=0, layer="below", yref="y")
+    if limit.isolates:
+        figure.add_hrect(y0=-1.0, y1=1.0, fillcolor=_BAND, line_width=0, layer="below", yref="y")
     figure.add_shape(type="line", xref="paper", x0=0, x1=1, yref="y", y0=0, y1=0, line={"color": INK, "width": 1.5})
     for c, values in enumerate(deviations.T):
         _deviation(figure, shown.time_s, values, f"channel {c + 1}", (CHANNELS[c], 1.6, DASHES[c]), _CHANNEL)
     _others(figure, rows, shown, moment.signal, off)
     _peaks(figure, list(peaks(shown, deviations)))
-    _note(figure, f"± {limit.text}", x=1.0, y=-1.0, yref="y", xanchor="right", yanchor="top")
+    unit_text = f"± {limit.text}" if limit.isolates else f"1 {limit.name}: {limit.figure}"
+    _note(figure, unit_text, x=1.0, y=-1.0, yref="y", xanchor="right", yanchor="top")
     reach = float(np.nanmax(np.abs(deviations), initial=1.0, where=np.isfinite(deviations)))
     lay_out(figure, f"{moment.signal}: deviation from the voted value", _HEIGHT)
     figure.update_yaxes(title=f"{limit.name}s", **_axis(reach))
@@ -148,7 +151,7 @@ def _counts(figure: go.Figure, rows: Block, time_s: Array, s: int, waits: Mappin
     for c, states in enumerate(rows["state"][:, s, : SIGNALS[s].channels].T):
         failed = states == State.FAILED
         suspect = ((states == State.SUSPECT) | (failed & ~np.roll(failed, 1))) & ~in_split
-        if suspect.any():
+        if suspect.any() and (waits or (states == State.SUSPECT).any()):
             found[f"miscompares of channel {c + 1}"] = suspect, (CHANNELS[c], 1.8, DASHES[c])
     most = 1.0
     for name, (mask, look) in found.items():
@@ -157,6 +160,9 @@ def _counts(figure: go.Figure, rows: Block, time_s: Array, s: int, waits: Mappin
         heading = {"legendgrouptitle": {"text": _COUNT}}
         draw_line(figure, time_s, lasted, name, look, yaxis="y2", line_shape="hv", **heading)
     limits = _limits(waits, split=bool(splits), single=len(found) > len(splits) or not found)
+    if not found and not limits:
+        figure.update_layout(height=(1.0 - _COUNTS) * _HEIGHT)
+        return
     for side, (name, frames) in zip(("right", "left"), limits.items(), strict=False):
         anchor = "top" if frames < max(limits.values()) else "bottom"  # away from the other line
         figure.add_shape(type="line", xref="paper", x0=0, x1=1, yref="y2", y0=frames, y1=frames, line=DOTTED)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import manager_kind
+from rig.computer.redundancy.managers import ManagerKind, manager_kind
 from rig.core.column import columns
 from rig.core.ending import ending
 from rig.core.frame import INDEX, SIGNALS, SURFACES
@@ -24,7 +24,7 @@ from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
 from rig.show.pages import lane_figures as computers
 from rig.show.pages import servo_figures as actuators
-from rig.show.pages.course import FIELDS, ISOLATION, Course, Moment, affected, limit, moment, signals_of
+from rig.show.pages.course import FIELDS, Course, Moment, affected, limit, moment, signals_of
 from rig.show.pages.decision_figure import began, of_moment
 from rig.show.pages.lines import errors, line, of_signal, of_surface
 from rig.show.pages.page import DASH, write_page
@@ -64,10 +64,30 @@ def report(path: Path, out: Path, requirements: Sequence[str] = ()) -> dict[str,
         "requirements": cells.violated_first(robustness.verdicts),
         "unmeasured": robustness.remark,
     }
-    write_page(out, "flight.html", drawn, {}, drawn=list(drawn), **about)
+    counted = any("yaxis2" in drawn[f"moment-{one.signal}"].layout for one in moments)
+    write_page(out, "flight.html", drawn, {}, drawn=list(drawn), counted=counted, **about)
     told = {"shown": names, "moments": [one._asdict() for one in moments], "overrides": about["sets"]}
     told |= {"requirements": [plain(one) for one in robustness.verdicts]} if robustness.verdicts else {}
     return {"report": str(out), **told, **scored.as_dict()}
+
+
+class Decision(NamedTuple):
+    """The conclusion of a flight, its pictures by id, and its manager, for a page on another subject."""
+
+    conclusion: list[str]
+    figures: dict[str, go.Figure]
+    manager: ManagerKind
+
+
+def decision_of(path: Path) -> Decision:
+    """Return the first decision of the flight whose log is at ``path``, and the errors of its voted values."""
+    log = LogFile.open(path)
+    scored = score_log(path, Yardstick(), baseline=False, log=log)
+    course = Course(log.table(FIELDS), len(scored.scenario.faults))
+    names = affected(scored, course)
+    moments = [found for name in names if (found := moment(scored, course, name)) is not None][:1]
+    figures = _moments(scored, course, moments) | {"votes": _votes(scored, course, names[:MOST_SIGNALS])}
+    return Decision(list(scored.conclusion), figures, manager_kind(scored.scenario.redundancy.manager))
 
 
 def write_report(flight: Flight | Path | str, out: Path | str | None = None, requirements: Sequence[str] = ()) -> Path:
@@ -90,19 +110,15 @@ def _figures(
     log: LogFile, scored: Scored, course: Course, names: Sequence[str], moments: Sequence[Moment]
 ) -> dict[str, go.Figure]:
     """Draw the pictures by the id of their element, in the order of the page; names : signals with an event."""
-    shown, flight = names[:MOST_SIGNALS], course.flight
+    shown, flight, acting = names[:MOST_SIGNALS], course.flight, _acting(course, scored)
     rate_hz, resolved = log.rate_hz, scored.scenario.resolved()
     surfaces = actuators.happened(scored) if "servo" in log.parts else []
-    lanes, thresholds = computers.happened(scored, log.events), _thresholds(scored, shown)
-    labels, acting = [fault.label for fault in scored.scenario.faults], _acting(course, scored)
+    lanes, labels = computers.happened(scored, log.events), [fault.label for fault in scored.scenario.faults]
     beside = computers.states(course, rate_hz, scored.scenario.computers.count) if lanes else []
     health = [span for span in beside if span.row.startswith("lane ") or span.row == "leading lane"]
     states = spans(course, rate_hz, names, labels, [*health, *actuators.states(course, rate_hz)])
     found = {"timeline": timeline(states, course.frames / rate_hz)} if states else {}
-    for one in moments:
-        acts = acting[one.signal][one.begin : one.end]
-        about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
-        found[f"moment-{one.signal}"] = of_moment(flight[one.begin : one.end].rows, rate_hz, *about)
+    found |= _moments(scored, course, moments)
     for name in shown:
         found[f"signal-{name}"] = draw.of_flight(
             of_signal(flight, rate_hz, name, threshold(resolved, name)), rate_hz, name, acting[name]
@@ -112,11 +128,28 @@ def _figures(
     if lanes is not None:
         found["computers"] = timeline(beside, course.frames / rate_hz)
         found["commands"] = computers.commands(flight[lanes.begin : lanes.end], scored, lanes)
-    time_s = flight["frame"] / rate_hz
-    shares = {name: line(time_s, errors(flight, name) / limit) for name, limit in thresholds.items()}
-    found["votes"] = draw.vote_errors(shares, thresholds)
+    found["votes"] = _votes(scored, course, shown)
     found["surfaces"] = draw.surfaces([of_surface(flight, rate_hz, i) for i in range(len(SURFACES))])
     return found
+
+
+def _moments(scored: Scored, course: Course, moments: Sequence[Moment]) -> dict[str, go.Figure]:
+    """Draw each decision, by the id of its element."""
+    resolved, rate_hz, acting = scored.scenario.resolved(), scored.scenario.rate_hz, _acting(course, scored)
+    found = {}
+    for one in moments:
+        acts = acting[one.signal][one.begin : one.end]
+        about = one, limit(resolved, one.signal), acts, _waits(scored, one.signal)
+        found[f"moment-{one.signal}"] = of_moment(course.flight[one.begin : one.end].rows, rate_hz, *about)
+    return found
+
+
+def _votes(scored: Scored, course: Course, names: Sequence[str]) -> go.Figure:
+    """Draw voted minus true values of ``names``, or of those with the largest error in limits."""
+    flight, thresholds = course.flight, _thresholds(scored, names)
+    time_s = flight["frame"] / scored.scenario.rate_hz
+    shares = {name: line(time_s, errors(flight, name) / limit) for name, limit in thresholds.items()}
+    return draw.vote_errors(shares, thresholds)
 
 
 def _acting(course: Course, scored: Scored) -> dict[str, NDArray[np.bool_]]:
@@ -142,12 +175,13 @@ def _thresholds(scored: Scored, names: Sequence[str]) -> dict[str, float]:
 
 
 def _waits(scored: Scored, name: str) -> dict[str, int]:
-    """Return the persistences of a signal in frames, by name; empty if the manager does not compare channels."""
-    evidence = scored.score.evidence
-    if evidence.by_unit or not manager_kind(scored.scenario.redundancy.manager).compares:
+    """Return the persistences of a signal in frames, by name; empty if the manager has no isolation threshold."""
+    evidence, kind = scored.score.evidence, manager_kind(scored.scenario.redundancy.manager)
+    if evidence.by_unit or not kind.has_threshold:
         return {}
     p = evidence.params[INDEX[name]]
-    return {"persistence": int(p["persistence"]), "split persistence": int(p["split_persistence"])}
+    splits = {"split persistence": int(p["split_persistence"])} if kind.compares else {}
+    return {"persistence": int(p["persistence"]), **splits}
 
 
 def _about(
@@ -166,7 +200,8 @@ def _about(
         "voter": scored.voter,
         "ended": ending(score.flight.survived, score.flight.end_reason, score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
-        "moments": [(one, _decided(one, _start(course, one), rate_hz)) for one in moments],
+        "moments": _sentences(scored, course, moments, rate_hz),
+        "manager": manager_kind(scenario.redundancy.manager),
         "actuators": actuators.happened(scored) if "servo" in log.parts else [],
         "computers": computers.happened(scored, log.events),
         "signals": names[:MOST_SIGNALS],
@@ -184,16 +219,21 @@ def _about(
     }
 
 
-def _start(course: Course, one: Moment) -> str:
-    """Return with what a decision began."""
-    return began(course.flight[one.begin : one.end].rows, one)
+def _sentences(scored: Scored, course: Course, moments: Sequence[Moment], rate_hz: float) -> list[tuple[Moment, str]]:
+    """Return each decision with its sentence."""
+    silent = "" if Context(scored.scenario, scored.score).isolates(next(iter(INDEX))) else scored.voter
+    starts = [began(course.flight[one.begin : one.end].rows, one) for one in moments]
+    return [(one, _decided(one, start, rate_hz, silent)) for one, start in zip(moments, starts, strict=True)]
 
 
-def _decided(one: Moment, start: str, rate_hz: float) -> str:
-    """Return start and isolation of a decision as text; ``start`` as of the picture."""
+def _decided(one: Moment, start: str, rate_hz: float, silent: str) -> str:
+    """Return start and isolation of a decision as text.
+
+    start : as of the picture; silent : a voter that never isolates
+    """
     first = f"{start} at {seconds(one.first, rate_hz)}"
     if one.isolated is None:
-        return f"{first}; no channel isolated"
+        return f"{first}; {f'the {silent} isolates no channel' if silent else 'no channel isolated'}"
     frames = one.isolated - one.first
     if not frames:
         return f"{first}, isolated in the same frame"
@@ -242,6 +282,6 @@ def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
     lines = []
     for name, value in _thresholds(scored, names).items() if names else ():
         monitor, unit = limit(resolved, name), SIGNALS[INDEX[name]].unit
-        own = f", {monitor.text}" if monitor.name == ISOLATION else ""
+        own = f", {monitor.text}" if monitor.isolates else ""
         lines.append(f"{name}: error limit {quantity(value, unit)}{own}")
     return lines

@@ -14,7 +14,7 @@ from rig.show.pages.page import lay_out, write_page
 from rig.studies.campaign.statistics import proportion
 
 _HEIGHT: Final = 340
-_APART: Final = 1.015  # factor on the x axis from one manager to the next
+_APART: Final = 0.011  # of the x axis, from one manager to the next
 _MARKS: Final = ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross")
 _AT_ONCE: Final = 16  # sentences of the verdict, losses of the built-in manager first; the others fold away
 Row = dict[str, Any]
@@ -22,7 +22,9 @@ Row = dict[str, Any]
 
 def write(path: Path, result: dict[str, Any]) -> None:
     """Write the page of ``result``, as of run_benchmark.py: verdict, and pictures with the reference as flown."""
-    title = f"Calibrated to {result['budget_per_h']:g} false isolations an hour and signal on {result['hours']:.3g} h"
+    budget = result["budget_per_h"]
+    events = f"{budget:g} false isolation{'' if budget == 1.0 else 's'}"
+    title = f"Calibrated to {events} an hour and signal on {result['hours']:.3g} h"
     entrants = list(dict.fromkeys(row["manager"] for row in result["levels"]))
     figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
     about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
@@ -32,19 +34,22 @@ def write(path: Path, result: dict[str, Any]) -> None:
 def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
     """Yield a picture a signal, kind and number of faults: the share isolated over the size, a line a manager."""
     for key in dict.fromkeys(map(_key, rows)):
-        figure = go.Figure()
+        figure, sizes = go.Figure(), [row["size"] for row in rows if _key(row) == key]
         for name in entrants:
             mine = [row for row in rows if _key(row) == key and row["manager"] == name]
-            figure.add_scatter(x=_apart(mine, "size", name, entrants), **_isolated(mine), **_line(name, entrants))
+            figure.add_scatter(
+                x=_apart(mine, sizes, "size", name, entrants), **_isolated(mine), **_line(name, entrants)
+            )
         title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
         lay_out(figure, title, _HEIGHT)
-        _log_axis(figure, "size of the fault, thresholds", [row["size"] for row in rows if _key(row) == key])
+        _log_axis(figure, "size of the fault, thresholds", sizes)
         _share_axis(figure)
         yield title, figure
 
 
 def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
     """Yield two pictures a signal and number of faults: median delay, and share isolated, over the rate."""
+    budgets = [row["budget_per_h"] for row in rows]
     for key in dict.fromkeys((row["signal"], row["faults"]) for row in rows):
         of = f"{key[0]}, {key[1]} fault{'s' if key[1] > 1 else ''}"
         for what in ("median delay, s", "share isolated"):
@@ -54,11 +59,10 @@ def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
                 if len(mine) > 1:
                     share = what.startswith("share")
                     values = _isolated(mine) if share else {"y": [row["delay_median_s"] for row in mine]}
-                    figure.add_scatter(
-                        x=_apart(mine, "budget_per_h", name, entrants), **values, **_line(name, entrants)
-                    )
+                    places = _apart(mine, budgets, "budget_per_h", name, entrants)
+                    figure.add_scatter(x=places, **values, **_line(name, entrants))
             lay_out(figure, f"{of}: {what}", _HEIGHT)
-            _log_axis(figure, "false isolations an hour", [row["budget_per_h"] for row in rows])
+            _log_axis(figure, "false isolations an hour", budgets)
             if what.startswith("share"):
                 _share_axis(figure)
             else:
@@ -79,16 +83,20 @@ def _isolated(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _share_axis(figure: go.Figure) -> None:
-    figure.update_yaxes(title="isolated, % (95 % interval)", range=[-2, 102])
+    figure.update_yaxes(title="isolated, % (95 % interval)", range=[-4, 104])
 
 
 def _key(row: Row) -> tuple[Any, ...]:
     return row["signal"], row["kind"], row["faults"]
 
 
-def _apart(rows: Sequence[Row], axis: str, name: str, entrants: Sequence[str]) -> list[float]:
-    """Return the places on a logarithmic axis, moved a little by manager, so that no interval hides another."""
-    moved = _APART ** (list(entrants).index(name) - (len(entrants) - 1) / 2)
+def _apart(rows: Sequence[Row], drawn: Sequence[float], axis: str, name: str, entrants: Sequence[str]) -> list[float]:
+    """Return the places on a logarithmic axis, moved a little by manager, so that no interval hides another.
+
+    drawn : all places on the axis
+    """
+    step = (max(drawn) / min(drawn)) ** _APART
+    moved = step ** (list(entrants).index(name) - (len(entrants) - 1) / 2)
     return [row[axis] * moved for row in rows]
 
 

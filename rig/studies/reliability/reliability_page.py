@@ -70,20 +70,21 @@ def _picture(results: Sequence[Result], what: str, per_hour: float, beta: float)
     title = f'{TITLES[what]}<br><span style="font-size: 12px">{case}</span>'
     lay_out(figure, title, 450, margin={"l": 10, "r": 120, "t": 60, "b": 10})
     figure.update_xaxes(title="channels", dtick=1)
-    figure.update_yaxes(title="probability per flight hour", type="log", exponentformat="power")
+    figure.update_yaxes(title="probability per flight hour", type="log", exponentformat="e")
     return figure
 
 
 def _line(figure: go.Figure, points: Sequence[Result], what: str, name: str, line: dict[str, str]) -> None:
-    """Draw a manager's medians with their intervals; a point without a lower end is an open triangle."""
+    """Draw a manager's medians with their intervals; where there is no lower end, the upper one as a triangle."""
     points = sorted(points, key=lambda each: each.case.channels)
     values = [each.estimates[what] for each in points]
-    below = [value.median - (value.low if value.low is not None else value.median * 1e-3) for value in values]
+    shown = [value.high if value.low is None else value.median for value in values]
+    below = [0.0 if value.low is None else value.median - value.low for value in values]
     figure.add_scatter(
         x=[each.case.channels for each in points],
-        y=[value.median for value in values],
-        error_y={"array": [value.high - value.median for value in values], "arrayminus": below},
-        marker={"symbol": ["circle" if value.low is not None else "triangle-down-open" for value in values], "size": 9},
+        y=shown,
+        error_y={"array": [value.high - y for value, y in zip(values, shown, strict=True)], "arrayminus": below},
+        marker={"symbol": ["circle" if value.low is not None else "triangle-down" for value in values], "size": 10},
         line=line,
         name=name,
     )

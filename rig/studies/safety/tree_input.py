@@ -85,10 +85,11 @@ def assumptions(rates: Rates, signal: str, result: TreeResult) -> list[str]:
         if given.box_per_hour
         else ""
     )
+    static = "an upper bound" if result.static == "upper bound" else result.static
     return [
         *of_chain(rates, signal, []),
         f"common mode hits each fixed pair of channels equally often, and never three channels at once{box}",
-        f"the static tree is {result.static}: it differs from the chain by at most {100 * most:.2g} %, because "
+        f"the static tree is {static}: it differs from the chain by at most {100 * most:.2g} %, because "
         "an order of faults is an event of probability p x P(order)",
         "the tree has no false isolations; every flight begins without a fault",
         "sizes, times and channels of faults are as in docs/explanation/reliability.md; others change results",

@@ -13,6 +13,7 @@ import plotly.graph_objects as go
 from rig.core.frame import INDEX, SIGNALS
 from rig.core.palette import BLUE, INK, ORANGE, RED, SOFT, faint
 from rig.core.units.quantities import number, unit_of_name, unit_shown
+from rig.show.pages.flight_page import Decision
 from rig.show.pages.page import lay_out, write_page
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_plan import SearchPlan
@@ -24,19 +25,22 @@ MOST: Final = 30.0  # drawn of a robustness
 _FAULT: Final = re.compile(r"faults\.(\d+)\.(\w+)")
 
 
-def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
-    """Draw the robustness of each draw over flights."""
+def figure(plan: SearchPlan, found: Sequence[Measured], worst: int) -> go.Figure:
+    """Draw the robustness of each draw over flights; ``worst``: run of the worst case."""
     robustness = np.array([each.robustness for each in found])
     shown = np.clip(robustness, -MOST, MOST)
     flights = (np.arange(len(robustness)) + 1) * plan.of_one_draw
     names = [plan.arms[draw.arm].name for draw in plan.draws]
     made = go.Figure()
-    for label, part, colour in (
-        ("random", slice(0, plan.random), SOFT),
-        ("CMA-ES", slice(plan.random, len(robustness)), BLUE),
+    for label, part, colour, symbol in (
+        ("random", slice(0, plan.random), SOFT, "circle"),
+        ("CMA-ES", slice(plan.random, len(robustness)), BLUE, "diamond"),
     ):
         hover = "flight %{x}: robustness %{customdata}<extra>" + label + "</extra>"
-        marks: dict[str, Any] = {"mode": "markers", "marker": {"color": faint(colour, 0.55), "size": 6}}
+        marks: dict[str, Any] = {
+            "mode": "markers",
+            "marker": {"color": faint(colour, 0.8), "size": 6, "symbol": symbol},
+        }
         texts = [
             f"{robustness_text(robustness) or 'none'}<br>{name}"
             for robustness, name in zip(robustness[part], names[part], strict=True)
@@ -44,6 +48,8 @@ def figure(plan: SearchPlan, found: Sequence[Measured]) -> go.Figure:
         made.add_scatter(x=flights[part], y=shown[part], name=label, customdata=texts, hovertemplate=hover, **marks)
     line: dict[str, Any] = {"mode": "lines", "line": {"color": INK, "width": 2, "shape": "hv"}}
     made.add_scatter(x=flights, y=np.minimum.accumulate(shown), name="least so far", hoverinfo="skip", **line)
+    place: dict[str, Any] = {"x": flights[worst // plan.of_one_draw], "y": shown[worst // plan.of_one_draw]}
+    made.add_annotation(**place, text="worst case", ax=28, ay=-24, xanchor="left", arrowhead=2, arrowcolor=INK)
     least = float(shown[: plan.random].min())
     below = least < 0.0
     line = {"color": ORANGE, "width": 1.5, "dash": "dash"}
@@ -64,12 +70,20 @@ def _level(figure: go.Figure, robustness: float, text: str, line: dict[str, Any]
     figure.add_annotation(y=robustness, text=text, showarrow=False, **place)
 
 
-def write(out: Path, plan: SearchPlan, found: Sequence[Measured], figures: dict[str, Any], simplest: Table) -> None:
-    """Write the page of a search; ``simplest``: table of the minimal scenario."""
+def write(
+    out: Path,
+    plan: SearchPlan,
+    found: Sequence[Measured],
+    figures: dict[str, Any],
+    simplest: Table,
+    decision: Decision,
+) -> None:
+    """Write the page of a search; ``simplest``: table of the minimal scenario; ``decision``: of the worst flight."""
     title, varied = plan.campaign.title or plan.source, figures["worst"]["varied"]
     table = plan.data(figures["worst"]["run"])
     write_page(
-        out, "search.html", {"robustness": figure(plan, found)}, {}, title=title, asked=plan.asked, results=figures,
+        out, "search.html", {"robustness": figure(plan, found, figures["worst"]["run"]), **decision.figures}, {},
+        decision=decision, folder=out.parent, title=title, asked=plan.asked, results=figures,
         requirements=[each for each in plan.requirements if each.id in plan.asked.requirements],
         varied={key: shown(key, value, table) for key, value in varied.items()},
         least=robustness_text(figures["robustness"]) or "none", worst=robustness_text(figures["worst"]["robustness"]),
@@ -107,5 +121,6 @@ def shown(key: str, value: object, table: Mapping[str, Any]) -> str:
         unit = str(declared.get("unit", unit)) if isinstance(declared, dict) else unit
         if unit.startswith("signal") and fault.get("signal") in INDEX:
             of_signal = SIGNALS[INDEX[fault["signal"]]].unit
-            return f"{number(value, of_signal)} {unit.replace('signal', unit_shown(of_signal), 1)}".rstrip()
+            shown_in = unit.replace("signal", unit_shown(of_signal), 1).replace("/s/s", "/s²")
+            return f"{number(value, of_signal)} {shown_in}".rstrip()
     return f"{number(value, unit)} {unit_shown(unit)}".rstrip()

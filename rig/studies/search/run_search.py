@@ -37,6 +37,7 @@ from rig.studies.search.rounds import schedule
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
+from rig.studies.search.worst_flight import decision
 from rig.verdict.requirements.robustness import robustness_text
 
 CONFIRMED: Final = "confirmed"
@@ -144,8 +145,10 @@ def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> d
     figures["left_out"] = [each for each in plan.asked.requirements if each not in searched.ids]
     if shrunk.violations:
         result.write_scenario(out / result.SCENARIO, plan, shrunk)
+    tell("drawing the worst flight")
     write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
-    picture.write(out / result.PICTURE, plan, found, figures, shrunk.table)
+    drawn = decision(plan, figures["worst"]["run"])
+    picture.write(out / result.PICTURE, plan, found, figures, shrunk.table, drawn)
     return figures
 
 
