@@ -30,7 +30,7 @@ from rig.studies.campaign.group_rates import (
     tie_break,
 )
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
-from rig.studies.campaign.study_folder import difference
+from rig.core.difference import difference
 from rig.studies.campaign.tables import COUNTED, RUNS, SUSPECTS
 from rig.studies.campaign.varied import by_name, by_varied, varied
 from rig.unit.unit_file import voted_by
