@@ -3,10 +3,9 @@
     python -I guard.py PARENT exec PROGRAM COMMAND ...      becomes the command
     python -I guard.py PARENT FILE ARGUMENT ...             runs a host: host.py, fmu_host.py
 
-Its standard input has strings with NUL between them: NAME=VALUE of each variable of the unit, an empty one, and folders.
-It makes the first folder, which the unit finds in RIG_UNIT_FOLDER, and removes all of them when the unit has ended.  The
-variables are those of the unit alone.  A library that is loaded by LD_PRELOAD needs a new program, so a host is started
-anew if there are any.
+Its standard input has strings with NUL between them: NAME=VALUE of each variable of the unit, an empty one, and
+folders.  It makes the first folder, which the unit finds in RIG_UNIT_FOLDER, and removes all of them when the unit has
+ended.  The variables are those of the unit alone.  If there are any, a host is a new program: LD_PRELOAD needs one.
 
 The unit runs in a child of the guard.  The kernel gives processes that the unit leaves behind, also in other sessions,
 to the guard as their nearest subreaper, so that it can find and kill them.  The guard ends as the unit has ended: with

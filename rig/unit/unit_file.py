@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Final, Literal
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
+from rig.core.difference import difference
 from rig.core.errors import BadInput
 from rig.core.files import is_file, is_folder, open_regular, reported
 from rig.core.frame import COMPUTERS
@@ -192,7 +193,7 @@ class Unit(Settings):
         """Raise BadInput if a file is no longer the one that was first read."""
         was, now = self.hashes(), self._hashed()
         for name in (name for name in {**was, **now} if was.get(name) != now.get(name)):
-            raise BadInput(f"{self.source}: {name}: is not the file that it was when this command began")
+            raise BadInput(f"{self.source}: {name}: is not the file that it was when the unit file was read")
 
     def build(self) -> str:
         """Return the hash that changes with the unit: with one of its files, and with its environment.  BadInput."""
@@ -208,6 +209,22 @@ class Unit(Settings):
     def identity(self) -> dict[str, Any]:
         """Return the settings and the build, which decide the flights of a campaign.  BadInput."""
         return {**self.about(), "sha256": self.build()}
+
+
+def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return what differs of what two units read, a line each; was, now : as of ``about``, or of ``identity``."""
+    files = "read_sha256" if "read_sha256" in was else "sha256"  # in a log or folder of an earlier version
+    return difference(*({key: one[key] for key in ("environment", files) if key in one} for one in (was, now)))
+
+
+def what_it_reads(unit: Mapping[str, Any]) -> str:
+    """Return what a unit reads, for a person: ``files median.so 0a1b2c3d4e5f; environment VOTER=mean``.
+
+    unit : as of ``about``; empty for a unit of an earlier version, a box, or none
+    """
+    files = ", ".join(f"{name} {digest[:_BUILD]}" for name, digest in sorted(unit.get("read_sha256", {}).items()))
+    variables = ", ".join(f"{name}={value}" for name, value in sorted(unit.get("environment", {}).items()))
+    return "; ".join(f"{what} {text}" for what, text in (("files", files), ("environment", variables)) if text)
 
 
 def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
