@@ -36,10 +36,10 @@ SHORT = ("duration_s=2", "faults.0.start_s=0.5")
 
 @pytest.fixture(autouse=True)
 def _nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """No folder into which an FMU was unpacked."""
+    """No folder into which an FMU was unpacked, and none of a unit's own."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     yield
-    assert list(tmp_path.glob("rig-fmu-*")) == []
+    assert [*tmp_path.glob("rig-fmu-*"), *tmp_path.glob("rig-unit-*")] == []
 
 
 @cache

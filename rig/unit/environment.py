@@ -35,12 +35,12 @@ def wrong_in(variables: Mapping[str, str]) -> str:
                 f"{name!r} is not the name of a variable: it must have letters, digits and _, and begin with no digit"
             )
         if name.startswith(_OF_RIG):
-            return f"{name}: the rig sets the variables that begin with {_OF_RIG}; choose another name"
+            return f"variable {name}: the rig sets those that begin with {_OF_RIG}; choose another name"
         if NUL in value:
-            return f"{name}: must not contain the character NUL"
+            return f"variable {name}: must not contain the character NUL"
         for place in _PLACE.finditer(value):
             if place[1] not in _PLACES or not place[0].endswith("}"):
-                return f"{name}: {place[0]!r} must be ${{folder}}, of the unit file, or ${{scratch}}"
+                return f"variable {name}: {place[0]!r} must be ${{folder}}, of the unit file, or ${{scratch}}"
     size = sum(len(name) + len(value) for name, value in variables.items())
     return f"has {size} characters, at most {_MOST} are allowed" if size > _MOST else ""
 

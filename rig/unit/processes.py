@@ -91,6 +91,8 @@ class UnitProcess:
 
         The host of a library detects that its socket is closed; a command that waits for a datagram does not.
         """
+        if self._output.closed:  # and stopped before
+            return ""
         ended = self.how_it_ended(_AFTER_END_S if self._is_command else END_S)
         if ended is None and self._is_removed:
             ended = self.how_it_ended(_REMOVED_S)
@@ -111,7 +113,9 @@ class UnitProcess:
         return os.path.lexists(self._folders[0] + REMOVED)
 
     def printed(self) -> str:
-        """Return the end of its standard output and error."""
+        """Return the end of its standard output and error; nothing once it is forgotten."""
+        if self._output.closed:
+            return ""
         size = self._output.seek(0, os.SEEK_END)
         self._output.seek(max(0, size - MOST_SHOWN))
         return self._output.read().decode(errors="replace")

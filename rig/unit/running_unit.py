@@ -50,9 +50,9 @@ Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a sha
 
 
 class UnitUnderTest:
-    """``prepare`` and ``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last.
+    """``prepare``, ``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last.
 
-    The unit starts, or is connected to, with the first session: when all that takes long has been done.
+    The first flight starts the unit.
     """
 
     port: Port  # of the flight that has begun
@@ -78,16 +78,16 @@ class UnitUnderTest:
     def link(self) -> SocketLink | LibraryLink:
         """The unit, which is started or connected to if it is not yet.  BadInput."""
         if self._link is None:
-            self.unit.require_unchanged()
             self._link = _reach(self.unit, self._patience.looks)
         return self._link
 
     def prepare(self, config: NDArray[Any]) -> bool:
         """Make the port of a flight before the unit runs, to compile the frame; return False if it runs already."""
-        if self._link is None:
-            self._deadline, self._config = None, config
-            self._make_port(INTERFACE, ())
-        return self._link is None
+        if self._link is not None:
+            return False
+        self._deadline, self._config = None, config
+        self._make_port(INTERFACE, ())
+        return True
 
     def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
         """Bring the unit to its first frame, from any state.  BadInput, UnitRefused.
@@ -292,7 +292,8 @@ class UnitUnderTest:
     def _restart(self, frame: int) -> int:
         """Start a new process with CONFIG and the present frame; the unit has lost its latches."""
         self.close()
-        self._link, self.replies.counts.restarts = None, self.replies.counts.restarts + 1
+        self.replies.counts.restarts += 1
+        self._link = _reach(self.unit, self._patience.looks)
         self.replies.begin_again()
         if self._open() != self.replies.interface:
             raise UnitStopped("has another version of the records")
@@ -341,6 +342,7 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
 
 
 def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
+    unit.require_unchanged()
     if unit.transport == "library":
         return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
     if unit.transport == "udp":

@@ -122,9 +122,7 @@ class Unit(Settings):
             raise ValueError("files: not with the transport python; the rig finds the files of a class itself")
         if self.environment and (self.address is not None or self.transport == "python" or not self.isolate):
             own = "runs already" if self.address is not None else "runs in the process of the rig"
-            raise ValueError(
-                f"environment: the unit {own}; the rig can set variables only for a process that it starts"
-            )
+            raise ValueError(f"environment: the unit {own}; variables need a process that the rig starts for it")
         return self
 
     @property
