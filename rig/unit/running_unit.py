@@ -50,10 +50,7 @@ Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a sha
 
 
 class UnitUnderTest:
-    """``prepare``, ``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last.
-
-    The first flight starts the unit.
-    """
+    """``prepare``, ``begin`` (the first starts the unit), ``exchange`` every frame, ``end`` a flight; ``close``."""
 
     port: Port  # of the flight that has begun
     compiled: CompiledExchange
