@@ -346,7 +346,8 @@ def test_the_command_says_it_with_exit_code_2(tmp_path: Path, rig_command):
 
 
 def held_by_a_worker(tested: Unit) -> None:
-    with flown_with(tested):
+    with flown_with(tested) as held:
+        assert held is not None and held.link.process is not None  # it runs
         assert list(Path(tempfile.gettempdir()).glob("rig-fmu-*"))
 
 

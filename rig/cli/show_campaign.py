@@ -103,7 +103,7 @@ def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
 
 
 def plan(planned: Plan, expected: Estimate, folder: Folder) -> None:
-    """Print the first runs of a plan, the estimate, and what decides the results; folder : of the plan, not begun."""
+    """Print the first runs of a plan, the estimate, unit and identity; folder : of the plan, on no disk."""
     from rig.unit.unit_file import what_it_reads
 
     rows = plan_rows(planned, min(expected.runs, MOST_ROWS))

@@ -32,7 +32,7 @@ EVENT_BYTES: Final = 1 << 12  # of them left for events
 
 
 def compile_packing(lanes: LaneParts) -> None:
-    """Compile what packs rows for a log, before somebody waits who must not; lanes : as of LogWriter."""
+    """Compile what packs rows for a log, before a unit waits for its first frame; lanes : as of LogWriter."""
     table = Table(new_block(1), lane_rows(1, lanes) if lanes else None, np.zeros(1, TIMING))
     pack(table, log_times(table["frame"], 1.0), plan(1, table.parts).blank.copy(), table.parts)
 

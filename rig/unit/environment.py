@@ -48,7 +48,7 @@ def wrong_in(variables: Mapping[str, str]) -> str:
 def wrong_preload(variables: Mapping[str, str], folder: Path) -> str:
     """Return what is wrong with the libraries that are loaded before others, empty if nothing is.
 
-    The system goes on without one that it does not find: the unit would be another one.
+    The system ignores a library that it does not find: the unit would be another one.
     """
     if "${folder}" in variables.get(_PRELOAD, "") and re.search("[ :]", str(folder)):
         return f"{_PRELOAD}: {folder} contains a blank or a colon, which separate libraries there"
