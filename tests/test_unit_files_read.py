@@ -159,3 +159,12 @@ def test_another_reading_of_the_same_unit_file_takes_the_files_as_they_are(tmp_p
     second.require_unchanged()
     with pytest.raises(BadInput, match=": g: is not the file"):
         first.require_unchanged()
+
+
+@needs_a_compiler
+def test_a_score_whose_baseline_another_unit_flies_tells_it(tmp_path: Path, rig_command):
+    log = rig.fly(overrides=("duration_s=0.5",), out=tmp_path, unit=with_gains(tmp_path)).log
+    unit_file = with_gains(tmp_path, environment={"A": "x"}).unit_file
+    code, _, err = rig_command("score", log, "--unit", unit_file)
+    said = f'{log}: the unit that flies the baseline is not as in the flight: environment.A was not there, is "x"'
+    assert code == 0 and err.count(f"note: {said}\n") == 1
