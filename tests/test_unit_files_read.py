@@ -110,7 +110,11 @@ def test_a_file_that_changes_before_the_start_is_refused_and_nothing_written(tmp
 @needs_a_compiler
 def test_a_unit_is_not_started_again_with_another_file(tmp_path: Path):
     (tmp_path / "gains.txt").write_text("1")
-    changed = lambda rows, *_: (tmp_path / "gains.txt").write_text("2") if int(rows["frame"][0]) == 0 else None  # noqa: E731
+
+    def changed(rows: Any, *_: object) -> None:
+        if int(rows["frame"][0]) == 0:
+            (tmp_path / "gains.txt").write_text("2")
+
     late = {"FAULT": "segv", "FAULT_FRAME": "250"}
     tested = unit(tmp_path, "faulty", on_dead="restart", files=["gains.txt"], environment=late)
     with pytest.raises(RigError, match=r"after a restart: .*gains\.txt: is not the file"):
