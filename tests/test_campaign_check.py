@@ -6,8 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 from junitparser import Failure, JUnitXml, Skipped
+from unit_files import needs_a_compiler, unit
 
+from rig.core.errors import BadInput
 from rig.core.files import bundled
+from rig.studies.campaign import suite_check
 from rig.studies.campaign.suite import read_suite
 from rig.studies.campaign.suite_check import DECISIONS, FAULTS, difference
 
@@ -194,3 +197,40 @@ def test_a_fault_that_is_not_executed_fails_its_case_unless_it_may_not_act(rig_c
     assert code == 0, out + err
     faults = [test for suite in JUnitXml.fromfile("out.xml") for test in suite if test.name == FAULTS]
     assert len(faults) == 3 and all(isinstance(test.result[0], Skipped) for test in faults)
+
+
+@needs_a_compiler
+def test_a_reference_keeps_what_its_unit_read_and_another_is_told(rig_command, tmp_path):
+    write(tmp_path)
+    first = unit(tmp_path, "first_valid", environment={"VOTER": "a"})
+    code, out, _ = rig_command("check", "suite.toml", "--unit", first.unit_file, "--update", "--json")
+    assert json.loads(out)["unit_differs"] == [] and list(read_suite("suite.toml").decisions() or {}) == ["short"], code
+    assert "not as in the reference" not in rig_command("check", "suite.toml", "--unit", first.unit_file)[1]
+    unit(tmp_path, "first_valid", environment={"VOTER": "b"})
+    told = rig_command("check", "suite.toml", "--unit", first.unit_file)[1]
+    assert 'unit: not as in the reference: environment.VOTER was "a", is "b"' in told
+    found = json.loads(rig_command("check", "suite.toml", "--json")[1])
+    assert found["unit_differs"] == ["a unit made the reference, now a manager votes"]
+
+
+@needs_a_compiler
+def test_a_file_that_changes_while_a_suite_flies_ends_it(tmp_path, monkeypatch):
+    write(tmp_path)
+    (tmp_path / "gains.txt").write_text("1")
+    tested = unit(tmp_path, "first_valid", files=["gains.txt"])
+    measured = suite_check._measured
+
+    def changes(*arguments):
+        (tmp_path / "gains.txt").write_text("2")
+        return measured(*arguments)
+
+    with monkeypatch.context() as patched, pytest.raises(BadInput, match=r"gains\.txt: is not the file"):
+        patched.setattr(suite_check, "_measured", changes)
+        list(suite_check.check(read_suite(tmp_path / "suite.toml"), tested))
+
+
+def test_no_case_has_the_name_of_the_unit_in_the_reference(rig_command, tmp_path):
+    write(tmp_path)
+    (tmp_path / "suite.toml").write_text(SUITE.replace("THRESHOLD", "").replace('"short"', '"unit under test"'))
+    code, out, err = rig_command("check", "suite.toml")
+    assert (code, out) == (2, "") and "cases: unit under test: no case may have this name; rename it" in err

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,10 +13,11 @@ from unit_files import library, needs_a_compiler, unit, written
 
 from rig.core.errors import BadInput
 from rig.core.trust import Trust
+from rig.studies.campaign import worker
 from rig.studies.campaign.campaign_file import read
-from rig.studies.campaign.folder import open_folder
+from rig.studies.campaign.folder import Folder, open_folder
 from rig.studies.campaign.plan import Plan
-from rig.studies.campaign.run_campaign import Result, again, run
+from rig.studies.campaign.run_campaign import Progress, Result, again, orders_of, run
 from rig.unit.unit_file import Unit
 
 pytestmark = needs_a_compiler
@@ -90,8 +93,90 @@ def test_a_campaign_goes_on_only_with_the_build_that_it_was_begun_with(tmp_path:
         fly(tmp_path, None, "out")
     with pytest.raises(BadInput, match="was flown with the unit under test 'first_valid': give its file by --unit"):
         again(open_folder(begun), 0, tmp_path)
-    with pytest.raises(BadInput, match="is another build"):
+    with pytest.raises(BadInput, match=r"is another build: read_sha256\..*first_valid.* was .*, is not there"):
         again(open_folder(begun), 0, tmp_path, other)
+
+
+def with_gains(folder: Path, text: str, **environment: str) -> Unit:
+    (folder / "gains.txt").write_text(text)
+    keys = {"name": "u", "path": str(library("reads")), "files": ["gains.txt"], "environment": environment}
+    return written(folder, keys)
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of which two runs are flown, with its unit."""
+    folder = tmp_path_factory.mktemp("begun")
+    assert fly(folder, with_gains(folder, "1", VOTER="mean"), "out", runs=2, workers=1).outcomes == {"flown": 2}
+    return folder
+
+
+CHANGED = {
+    "environment": ("1", {"VOTER": "median"}, 'unit.environment.VOTER was "mean", is "median"'),
+    "a new variable": ("1", {"VOTER": "mean", "A": ""}, 'unit.environment.A was not there, is ""'),
+    "no variable": ("1", {}, 'unit.environment.VOTER was "mean", is not there'),
+    "file": ("2", {"VOTER": "mean"}, "unit.read_sha256.gains.txt was "),
+}
+
+
+@pytest.mark.parametrize("what", CHANGED)
+def test_a_campaign_does_not_go_on_with_another_environment_or_file(begun: Path, what: str):
+    text, environment, differs = CHANGED[what]
+    other = with_gains(begun, text, **environment)
+    with pytest.raises(BadInput) as error:
+        fly(begun, other, "out", runs=3)
+    assert f"contains runs of another campaign: {differs}" in str(error.value)
+    with pytest.raises(BadInput, match="is another build: " + re.escape(differs.removeprefix("unit."))):
+        again(open_folder(begun / "out"), 0, begun / "logs", other)
+    same = with_gains(begun, "1", VOTER="mean")
+    assert again(open_folder(begun / "out"), 0, begun / "logs", same)[0].digest
+
+
+def test_a_plan_has_the_identity_of_what_it_flies(begun: Path, rig_command):
+    unit_file = with_gains(begun, "1", VOTER="mean").unit_file
+    code, out, _ = rig_command("campaign", "status", begun / "out", "--json")
+    identity = json.loads(out)["identity"]
+    assert code == 0 and "environment VOTER=mean" in rig_command("campaign", "status", begun / "out")[1]
+    code, out, err = rig_command("campaign", "plan", begun / "campaign.toml", "--unit", unit_file, "--json")
+    found = json.loads(out)
+    assert code == 0 and found["identity"] == identity, err
+    assert found["unit"]["environment"] == {"VOTER": "mean"} and "gains.txt" in found["unit"]["read_sha256"]
+    with_gains(begun, "1", VOTER="median")
+    code, out, _ = rig_command("campaign", "plan", begun / "campaign.toml", "--unit", unit_file)
+    assert code == 0 and identity not in out and "environment VOTER=median" in out
+
+
+def test_a_file_that_changes_while_a_campaign_flies_ends_it_and_no_run_of_it_counts(tmp_path: Path):
+    tested = with_gains(tmp_path, "1")
+
+    def change(state: Progress) -> None:
+        if state.flown:
+            (tmp_path / "gains.txt").write_text("2")
+
+    with pytest.raises(BadInput, match=r"gains\.txt: is not the file .*; \d+ of 12 runs done$"):
+        fly(tmp_path, tested, "out", workers=1, report=change)
+    done = open_folder(tmp_path / "out").status()["done"]
+    assert 2 <= done <= 8
+    whole = fly(tmp_path, with_gains(tmp_path, "1"), "whole", workers=2)
+    assert fly(tmp_path, with_gains(tmp_path, "1"), "out", workers=2).table_sha256 == whole.table_sha256
+
+
+def test_a_batch_in_which_a_file_has_changed_returns_no_rows(tmp_path: Path, monkeypatch):
+    tested = with_gains(tmp_path, "1")
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN)
+    plan = Plan(read(tmp_path / "campaign.toml"), "campaign.toml")
+    orders = orders_of(Folder(tmp_path / "out", plan, tested))
+    flown = worker.fly_run
+
+    def changes(*arguments: Any) -> Any:
+        rows = flown(*arguments)
+        (tmp_path / "gains.txt").write_text("2")
+        return rows
+
+    monkeypatch.setattr(worker, "fly_run", changes)
+    with pytest.raises(BadInput, match=r"gains\.txt: is not the file"):
+        worker.fly_batch([plan[0]], orders)
+    worker._end_units()
 
 
 def test_a_box_is_one_worker(tmp_path: Path):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from unit_files import needs_a_compiler, unit
 
 Command = Callable[..., tuple[int, str, str]]
 FILE = """
@@ -79,3 +80,23 @@ def test_from_nothing_to_a_scenario_that_violates(
     assert figures["violated"] > 0 and figures["scenario"] == "s/worst.toml"
     code, out, _ = rig_command("fly", "s/worst.toml", "--requirements", "redundancy", "--strict", "--json")
     assert code == 1
+
+
+@needs_a_compiler
+@pytest.mark.long
+def test_a_unit_is_searched_and_the_search_does_not_go_on_with_another_environment(
+    rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("rig.studies.search.shrink.TRIES", 2)
+    monkeypatch.setattr("rig.studies.search.run_search.SEEDS", 3)
+    tested = unit(tmp_path, "reads", environment={"VOTER": "a"})  # it votes channel 1, which has the fault
+    asked = ("--requirement", "vote", "--flights", "36", "--workers", "1", "--unit", tested.unit_file)
+    code, out, err = rig_command("search", space(tmp_path), *asked, "--out", "s", "--json")
+    assert code == 0 and json.loads(out)["violated"] > 0, err
+    assert "environment VOTER=a" in rig_command("campaign", "status", "s")[1]
+    unit(tmp_path, "reads", environment={"VOTER": "b"})
+    code, out, err = rig_command("search", space(tmp_path), *asked, "--out", "s")
+    assert (code, out) == (2, "") and 'unit.environment.VOTER was "a", is "b"' in err
+    code, out, err = rig_command("search", space(tmp_path), *asked, "--bench", "--out", "b")
+    assert (code, out) == (2, "") and "--unit: not with --bench, which votes without a flight" in err
+    assert not Path("b").exists()

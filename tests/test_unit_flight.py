@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit_files import library, needs_a_compiler, udp, unit, written
+from unit_files import faulty, library, needs_a_compiler, udp, unit, written
 
 import rig
 from rig.core.errors import BadInput, RigError
@@ -98,9 +98,8 @@ DEATHS = {
 
 
 @pytest.mark.parametrize("fault", DEATHS)
-def test_a_dead_unit_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path, monkeypatch, fault: str):
-    monkeypatch.setenv("FAULT", fault)
-    tested = unit(tmp_path, "faulty")
+def test_a_dead_unit_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path, fault: str):
+    tested = faulty(tmp_path, fault)
     with pytest.raises(RigError) as said:
         fly(tmp_path, tested)
     assert f"unit.toml: faulty, frame 50: {DEATHS[fault]}" in str(said.value)
@@ -110,9 +109,8 @@ def test_a_dead_unit_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path
 
 def test_a_child_that_is_slow_to_start_is_still_heard_when_it_refuses(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(startup, "_AGAIN_S", 0.001)
-    monkeypatch.setenv("FAULT", "open")
     with pytest.raises(BadInput, match="refuses the flight: rig_unit_open returned 7"):
-        fly(tmp_path, unit(tmp_path, "faulty"))
+        fly(tmp_path, faulty(tmp_path, "open"))
 
 
 def test_a_library_in_this_process_that_fails_is_not_called_again(tmp_path: Path, monkeypatch):
@@ -134,31 +132,26 @@ def test_an_answer_that_comes_after_the_short_look_for_it_is_flown(tmp_path: Pat
     assert (reply[[20, 21]] > 4500).all() and np.median(reply) < 4500
 
 
-def test_a_unit_that_hangs_is_dead_after_its_time_limit(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "hang")
+def test_a_unit_that_hangs_is_dead_after_its_time_limit(tmp_path: Path):
     with pytest.raises(RigError, match=r"frame 50: has not answered within timeout_s = 0.3 s"):
-        fly(tmp_path, unit(tmp_path, "faulty", timeout_s=0.3))
+        fly(tmp_path, faulty(tmp_path, "hang", timeout_s=0.3))
 
 
-def test_without_a_time_limit_a_unit_that_is_stopped_flies_the_same(tmp_path: Path, monkeypatch):
+def test_without_a_time_limit_a_unit_that_is_stopped_flies_the_same(tmp_path: Path):
     """As in a debugger: 3 s, with a time limit of 2 s it would be dead."""
-    tested = unit(tmp_path, "faulty", timeout_s=0)
-    digest = fly(tmp_path, tested).digest
-    monkeypatch.setenv("FAULT", "sleep")
-    assert fly(tmp_path, tested).digest == digest
+    digest = fly(tmp_path, unit(tmp_path, "faulty", timeout_s=0)).digest
+    assert fly(tmp_path, faulty(tmp_path, "sleep", timeout_s=0)).digest == digest
 
 
-def test_a_unit_that_dies_again_in_the_same_frame_is_dead(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "segv")
+def test_a_unit_that_dies_again_in_the_same_frame_is_dead(tmp_path: Path):
     with pytest.raises(RigError, match="after a restart: killed by signal 11"):
-        fly(tmp_path, unit(tmp_path, "faulty", on_dead="restart"))
+        fly(tmp_path, faulty(tmp_path, "segv", on_dead="restart"))
 
 
 @pytest.mark.parametrize("then", ["hold", "backup"])
-def test_a_dead_unit_may_leave_the_flight_to_others(tmp_path: Path, monkeypatch, then: str):
-    monkeypatch.setenv("FAULT", "segv")
-    monkeypatch.setenv("FAULT_FRAME", "150")
-    flight = fly(tmp_path, unit(tmp_path, "faulty", on_dead=then))
+def test_a_dead_unit_may_leave_the_flight_to_others(tmp_path: Path, then: str):
+    environment = {"FAULT": "segv", "FAULT_FRAME": "150"}
+    flight = fly(tmp_path, unit(tmp_path, "faulty", on_dead=then, environment=environment))
     rows = flight.rows
     assert flight.survived and len(rows) == 200 and rows["unit"][-1] == UnitStatus.DEAD
     assert flight.unit is not None and flight.unit["dead_frame"] == 150
@@ -178,14 +171,12 @@ def test_a_unit_that_ends_is_started_again(tmp_path: Path):
     assert flight.rows["unit"][-1] == UnitStatus.ANSWERED and flight.survived
 
 
-def test_what_a_unit_prints_is_kept_and_shown(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "print")
-    assert fly(tmp_path, unit(tmp_path, "faulty")).printed == "hello from the unit\n"
+def test_what_a_unit_prints_is_kept_and_shown(tmp_path: Path):
+    assert fly(tmp_path, faulty(tmp_path, "print")).printed == "hello from the unit\n"
 
 
-def test_a_state_out_of_its_enum_is_refused_and_the_last_answer_flown(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "state")
-    flight = fly(tmp_path, unit(tmp_path, "faulty"))
+def test_a_state_out_of_its_enum_is_refused_and_the_last_answer_flown(tmp_path: Path):
+    flight = fly(tmp_path, faulty(tmp_path, "state"))
     rows = flight.rows
     assert np.flatnonzero(rows["unit"] != UnitStatus.ANSWERED).tolist() == [50]
     assert rows["unit"][50] == UnitStatus.REFUSED and rows["unit_age"][50] == 1
@@ -193,9 +184,8 @@ def test_a_state_out_of_its_enum_is_refused_and_the_last_answer_flown(tmp_path: 
     assert flight.unit is not None and flight.unit["refused"] == 1
 
 
-def test_a_vote_that_is_no_number_goes_into_the_log_as_it_is(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "nan vote")
-    rows = fly(tmp_path, unit(tmp_path, "faulty")).rows
+def test_a_vote_that_is_no_number_goes_into_the_log_as_it_is(tmp_path: Path):
+    rows = fly(tmp_path, faulty(tmp_path, "nan vote")).rows
     assert np.argwhere(np.isnan(rows["voted"])).tolist() == [[50, 15]]
     assert np.isfinite(rows["surface"]).all()
 
@@ -206,7 +196,7 @@ def test_a_library_that_changes_how_this_process_rounds_is_refused(tmp_path: Pat
     with pytest.raises(RigError, match="changed the floating-point rounding of this process"):
         fly(tmp_path, unit(tmp_path, "faulty", isolate=False))
     assert 1.0 / float("3") == expected
-    fly(tmp_path, unit(tmp_path, "faulty"))  # in its own process it harms no other
+    fly(tmp_path, faulty(tmp_path, "rounding"))  # in its own process it harms no other
 
 
 REFUSED = {
@@ -222,12 +212,13 @@ def test_what_cannot_be_flown_is_refused_in_one_line(tmp_path: Path, monkeypatch
     environment, name, said = REFUSED[case]
     for key, value in environment.items():
         monkeypatch.setenv(key, value)
+    own = {"environment": environment} if isolate else {}
     path = library("faulty")
     if name == "faulty.c":
         path = Path(__file__).parent / "units/faulty.c"
     elif name == "libm":
         path = next(path for path in Path("/lib").rglob("libm.so.6"))
-    tested = written(tmp_path, {"name": "u", "path": str(path), "isolate": isolate})
+    tested = written(tmp_path, {"name": "u", "path": str(path), "isolate": isolate, **own})
     with pytest.raises(BadInput) as error:
         fly(tmp_path, tested)
     wanted = said if isolate or case != "open" else "rig_unit_open returned 7"

@@ -36,10 +36,10 @@ SHORT = ("duration_s=2", "faults.0.start_s=0.5")
 
 @pytest.fixture(autouse=True)
 def _nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """No folder into which an FMU was unpacked."""
+    """No folder into which an FMU was unpacked, and none of a unit's own."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     yield
-    assert list(tmp_path.glob("rig-fmu-*")) == []
+    assert [*tmp_path.glob("rig-fmu-*"), *tmp_path.glob("rig-unit-*")] == []
 
 
 @cache
@@ -172,9 +172,8 @@ def test_it_meets_every_requirement_of_the_conformance_test_to_the_bit(tmp_path:
 @needs_fmpy
 @needs_a_compiler
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_discarded_step_is_refused_and_the_last_answer_flown(tmp_path: Path, monkeypatch, version: Version):
-    monkeypatch.setenv("FAULT", "discard")
-    flight = fly(tmp_path, unit_of(tmp_path, faulty(version), timeout_s=60))
+def test_a_discarded_step_is_refused_and_the_last_answer_flown(tmp_path: Path, version: Version):
+    flight = fly(tmp_path, unit_of(tmp_path, faulty(version), timeout_s=60, environment={"FAULT": "discard"}))
     rows = flight.rows
     assert np.flatnonzero(rows["unit"] != UnitStatus.ANSWERED).tolist() == [50]
     assert rows["unit"][50] == UnitStatus.REFUSED and rows["unit_age"][50] == 1
@@ -194,10 +193,9 @@ DEATHS = {
 @needs_a_compiler
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("fault", DEATHS)
-def test_an_fmu_that_fails_ends_the_flight_in_one_line(tmp_path: Path, monkeypatch, fault: str, version: Version):
-    monkeypatch.setenv("FAULT", fault)
+def test_an_fmu_that_fails_ends_the_flight_in_one_line(tmp_path: Path, fault: str, version: Version):
     with pytest.raises(RigError) as said:
-        fly(tmp_path, unit_of(tmp_path, faulty(version)))
+        fly(tmp_path, unit_of(tmp_path, faulty(version), environment={"FAULT": fault}))
     text, _, log = str(said.value).partition("; the log is complete up to there: ")
     assert text == f"{tmp_path}/unit.toml: u, frame 50: {DEATHS[fault].format(STEP[version])}"
     assert len(rig.read_log(log).rows) == 50
@@ -213,19 +211,19 @@ LOGGED = {
 @needs_fmpy
 @needs_a_compiler
 @pytest.mark.parametrize("fault", LOGGED)
-def test_what_an_fmu_has_logged_is_in_the_line(tmp_path: Path, monkeypatch, fault: str):
-    monkeypatch.setenv("FAULT", fault)
+def test_what_an_fmu_has_logged_is_in_the_line(tmp_path: Path, fault: str):
+    fmu = packed("2", SOURCES / "fmi2.c", HERE / "faulty.c")
     with pytest.raises(RigError, match=LOGGED[fault]):
-        fly(tmp_path, unit_of(tmp_path, packed("2", SOURCES / "fmi2.c", HERE / "faulty.c")))
+        fly(tmp_path, unit_of(tmp_path, fmu, environment={"FAULT": fault}))
 
 
 @needs_fmpy
 @needs_a_compiler
 def test_an_fmu_that_dies_is_started_again(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "segv once")
     monkeypatch.chdir(tmp_path)
     shutil.copy(packed("2", SOURCES / "fmi2.c", HERE / "faulty.c"), tmp_path / "unit.fmu")
-    flight = fly(tmp_path, unit_of(tmp_path, Path("unit.fmu"), on_dead="restart"))
+    tested = unit_of(tmp_path, Path("unit.fmu"), on_dead="restart", environment={"FAULT": "segv once"})
+    flight = fly(tmp_path, tested)
     assert np.flatnonzero(flight.rows["unit"] == UnitStatus.RESTARTED).tolist() == [50]
     assert flight.unit is not None and flight.unit["restarts"] == 1 and flight.survived
 
@@ -348,7 +346,8 @@ def test_the_command_says_it_with_exit_code_2(tmp_path: Path, rig_command):
 
 
 def held_by_a_worker(tested: Unit) -> None:
-    with flown_with(tested):
+    with flown_with(tested) as held:
+        assert held is not None and held.link.process is not None  # it runs
         assert list(Path(tempfile.gettempdir()).glob("rig-fmu-*"))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit_files import needs_a_compiler, udp, unit
+from unit_files import faulty, needs_a_compiler, udp, unit
 
 import rig
 from rig.bench.replay.verify import verify
@@ -67,9 +67,8 @@ def test_by_datagrams_it_is_the_same(tmp_path: Path):
     assert library.digest == datagrams.digest
 
 
-def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "segv")
-    flight = fly(tmp_path, unit(tmp_path, "faulty", on_dead="hold"), "B")
+def test_a_lane_whose_unit_dies_is_failed_by_its_watchdog_and_three_fly_on(tmp_path: Path):
+    flight = fly(tmp_path, faulty(tmp_path, "segv", on_dead="hold"), "B")
     lanes = lanes_of(flight)
     assert flight.survived and flight.frames == 200 and set(flight.lanes_failed) == {"B"}
     failed = np.flatnonzero(lanes["health"][:, B] == Health.FAILED)

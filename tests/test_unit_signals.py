@@ -47,18 +47,15 @@ def test_every_signal_has_a_number_and_a_name_where_there_is_one(number: int, na
 
 @pytest.mark.parametrize("number", [REAL_TIME, *([] if is_ignored(32) else [32])])
 @pytest.mark.parametrize("place", ["open", "step", "close"])
-def test_a_unit_that_dies_of_a_signal_without_a_name_is_told_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, number: int
-):
-    monkeypatch.setenv("PLACE", place)
-    monkeypatch.setenv("RAISE", str(number))
+def test_a_unit_that_dies_of_a_signal_without_a_name_is_told_in_one_line(tmp_path: Path, place: str, number: int):
+    tested = unit(tmp_path, "signals", environment={"PLACE": place, "RAISE": str(number)})
     says = f"killed by signal {signal_name(number)}"
     if place == "close":
-        flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit(tmp_path, "signals"))
+        flight = rig.fly(overrides=SHORT, out=tmp_path, unit=tested)
         assert flight.frames == 30 and says in flight.printed
         return
     with pytest.raises(BadInput if place == "open" else RigError) as error:
-        rig.fly(overrides=SHORT, out=tmp_path, unit=unit(tmp_path, "signals"))
+        rig.fly(overrides=SHORT, out=tmp_path, unit=tested)
     assert says in str(error.value) and "\n" not in str(error.value)
 
 
@@ -68,10 +65,9 @@ def test_a_run_of_a_campaign_that_dies_of_such_a_signal_is_told():
 
 
 @pytest.mark.parametrize("place", ["open", "step", "close"])
-def test_an_interrupt_that_a_library_raises_is_no_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str):
-    monkeypatch.setenv("PLACE", place)
-    monkeypatch.setenv("RAISE", str(int(signal.SIGINT)))
-    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit(tmp_path, "signals"))
+def test_an_interrupt_that_a_library_raises_is_no_ctrl_c(tmp_path: Path, place: str):
+    tested = unit(tmp_path, "signals", environment={"PLACE": place, "RAISE": str(int(signal.SIGINT))})
+    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=tested)
     assert flight.frames == 30 and flight.printed == ""
 
 
@@ -90,12 +86,11 @@ def test_of_what_a_unit_prints_the_end_is_kept(tmp_path: Path, monkeypatch: pyte
         monkeypatch.setattr(file, "close", closed, raising=False)
         return file
 
-    monkeypatch.setenv("PLACE", "step")
     lines = 200_000
-    monkeypatch.setenv("RAISE", str(-lines))
+    tested = unit(tmp_path, "signals", environment={"PLACE": "step", "RAISE": str(-lines)})
     monkeypatch.setattr("rig.unit.processes.tempfile.TemporaryFile", kept)
-    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=unit(tmp_path, "signals"))
-    assert len(sizes) == 1 and 0 < sizes[0] <= MOST_KEPT + 8192  # whole blocks
+    flight = rig.fly(overrides=SHORT, out=tmp_path, unit=tested)
+    assert len(sizes) == 2 and 0 < sizes[-1] <= MOST_KEPT + 8192  # whole blocks; the first had the orders of the guard
     assert len(flight.printed) == MOST_SHOWN
     told = flight.printed.splitlines()[1:]
     first = lines - len(told)

@@ -198,10 +198,18 @@ def unit(folder: Path, name: str = "first_valid", **keys: Any) -> Unit:
     return written(folder, lines)
 
 
+def faulty(folder: Path, fault: str, **keys: Any) -> Unit:
+    """The unit of tests/units/faulty.c with its fault, in a process of its own."""
+    return unit(folder, "faulty", environment={"FAULT": fault}, **keys)
+
+
 def written(folder: Path, keys: dict[str, Any]) -> Unit:
     """A unit file with these keys, read."""
-    path = folder / "unit.toml"
-    path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items()))
+    path, tables = folder / "unit.toml", {key: value for key, value in keys.items() if isinstance(value, dict)}
+    lines = [f"{key} = {json.dumps(value)}\n" for key, value in keys.items() if key not in tables]
+    for key, table in tables.items():
+        lines += [f"[{key}]\n", *(f"{json.dumps(name)} = {json.dumps(value)}\n" for name, value in table.items())]
+    path.write_text("".join(lines))
     return read_unit(path)
 
 

@@ -40,17 +40,28 @@ Runs = Annotated[int | None, opt("N", "Number of runs, from the first.", show_de
 
 @app.command()
 def plan(
-    file: File, sets: Sets = None, runs: Runs = None, allow_code: AllowCodeOrSet = False, as_json: Json = False
+    file: File,
+    sets: Sets = None,
+    runs: Runs = None,
+    unit: UnitFile = None,
+    allow_code: AllowCodeOrSet = False,
+    as_json: Json = False,
 ) -> None:
-    """List the runs of a campaign and estimate their time and disk space; fly nothing."""
-    from rig.studies.campaign.estimate import estimate
-    from rig.studies.campaign.plan import read_plan
+    """List the runs of a campaign, estimate their time and disk space, and print the identity of its results.
 
-    planned = read_plan(file, sets, allow_code)
+    The estimate flies one run, which is not kept.
+    """
+    from rig.studies.campaign.estimate import estimate
+    from rig.studies.campaign.folder import Folder
+    from rig.studies.campaign.plan import read_plan
+    from rig.unit.unit_file import read_unit
+
+    planned, tested = read_plan(file, sets, allow_code), unit and read_unit(unit)
     planned.check()
-    expected = estimate(planned, runs)
-    listed = lambda: {**asdict(expected), "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
-    emit(as_json, listed, lambda: show.plan(planned, expected))
+    expected, folder = estimate(planned, runs, tested), Folder(Path(), planned, tested)
+    own = {"identity": folder.mark, "unit": folder.about.get("unit")}
+    listed = lambda: {**asdict(expected), **own, "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
+    emit(as_json, listed, lambda: show.plan(planned, expected, folder))
 
 
 @app.command()
@@ -93,7 +104,7 @@ def status(folder: Dir, as_json: Json = False) -> None:
     from rig.studies.campaign.folder import not_flown, open_folder
 
     held = open_folder(folder)
-    state = {**held.status(), "by": held.by, **not_flown(held.tables["runs"])}
+    state = {**held.status(), "by": held.by, "reads": held.unit_reads, **not_flown(held.tables["runs"])}
     emit(as_json, state, lambda: show.status(state))
 
 

@@ -18,6 +18,7 @@ from rig.core.progress import tell
 if TYPE_CHECKING:
     from rig.studies.campaign.suite import Suite
     from rig.studies.campaign.suite_check import CaseResult
+    from rig.unit.unit_file import Unit
 
 _FAILED = (
     *(Column("case", "case"), Column("test", lambda test: f"{test.id} {test.signal}".rstrip())),
@@ -47,24 +48,26 @@ def check(
     require_apart({"--junit": junit}, [*read.inputs, unit])
     require_ending("--junit", junit, "JUnit XML", ".xml")
     tested = None if unit is None else read_unit(unit)
+    differs = read.of_another_unit(tested)
     with working("starting", not as_json):
         results = list(check_suite(read, tested, lambda name: tell(f"checking {name}")))
-    moved = _updated(read, results) if update else {}
+    moved = _updated(read, results, tested) if update else {}
     if junit is not None:
         write_junit(junit, read.title, results)
     bad = [test for each in results for test in each.tests if not (test.good or (update and test.result == "differs"))]
-    emit(as_json, lambda: _data(read, results, moved), lambda: _show(read, results, moved, update))
+    data = lambda: {**_data(read, results, moved), "unit_differs": differs}  # noqa: E731 # read once
+    emit(as_json, data, lambda: _show(read, results, moved, update, differs))
     if bad:
         raise Exit(1)
 
 
-def _updated(suite: Suite, results: list[CaseResult]) -> dict[str, list[str]]:
+def _updated(suite: Suite, results: list[CaseResult], unit: Unit | None) -> dict[str, list[str]]:
     """Write the reference decisions; return the changed ones, by case."""
     from rig.studies.campaign.suite_check import difference
 
     before = suite.decisions() or {}
     after = {each.name: before.get(each.name, []) if each.decisions is None else each.decisions for each in results}
-    suite.keep(after)
+    suite.keep(after, unit)
     names = dict.fromkeys([*before, *after])
     changed = {name: difference(before.get(name, []), after.get(name, [])) for name in names}
     return {name: lines for name, lines in changed.items() if lines}
@@ -81,10 +84,14 @@ def _data(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]]) 
     }
 
 
-def _show(suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], update: bool) -> None:
+def _show(
+    suite: Suite, results: list[CaseResult], moved: dict[str, list[str]], update: bool, differs: list[str]
+) -> None:
     tests = [test for each in results for test in each.tests]
     wrong = [test for test in tests if not (test.good or (update and test.result == "differs"))]
     line((suite.title, "bold"), f"  {suite.path}")
+    for text in differs:
+        line(f"  unit: not as in the reference: {text}", style="yellow")
     table(wrong, _FAILED, MOST_LINES, lambda _: "red")
     for name, lines in moved.items():
         for text in lines[:MOST_LINES]:

@@ -210,12 +210,16 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 def _info(facts: dict[str, Any]) -> None:
     from rig.core.ending import ending
-    from rig.unit.unit_file import voter
+    from rig.unit.unit_file import voter, what_it_reads
 
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
     who, _, name = voter(facts["manager"] or "unknown", facts["unit"], facts["lane"]).partition(" ")
     field(who, name)
+    if read := what_it_reads(
+        {"read_sha256": facts["unit_files"] or {}, "environment": facts["unit_environment"] or {}}
+    ):
+        field("reads", read)
     if sets:
         left = len(sets) - MOST_OVERRIDES
         field("set", ", ".join(sets[:MOST_OVERRIDES]) + (f" and {left} more, with --json" if left > 0 else ""))

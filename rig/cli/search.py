@@ -13,6 +13,7 @@ from rig.cli.common import (
     Scheduler,
     Seed,
     Sets,
+    UnitFile,
     Workers,
     arg,
     emit,
@@ -59,6 +60,7 @@ class SearchOptions:
     bench: Annotated[
         bool, flag("--bench", "Search in open loop: one signal, on the true values of a healthy flight.")
     ] = False
+    unit: UnitFile = None
     scheduler: Scheduler = None
     seed: Seed = 0
     workers: Workers = 2
@@ -75,10 +77,11 @@ def search(options: SearchOptions) -> None:
     if options.scheduler is None:
         get_ready()  # beside what follows, which takes a second to be imported and read
     from rig.studies.search.run_search import run
+    from rig.unit.unit_file import read_unit
 
-    plan = _plan(options)
+    plan, unit = _plan(options), options.unit and read_unit(options.unit)
     with working("the search", not options.as_json, steps=True):
-        ended = run(plan, options.out, workers=options.workers, scheduler=options.scheduler)
+        ended = run(plan, options.out, workers=options.workers, scheduler=options.scheduler, unit=unit)
     if not ended.interrupted:
         emit(options.as_json, ended.figures, lambda: _show(ended, options.out))
     require_ended(ended, f"{ended.flights} of {options.flights} flights", "they have no robustness")

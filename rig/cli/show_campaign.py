@@ -19,6 +19,7 @@ from rig.core.console import Screen
 
 if TYPE_CHECKING:
     from rig.studies.campaign.estimate import Estimate
+    from rig.studies.campaign.folder import Folder
     from rig.studies.campaign.plan import Plan
     from rig.studies.campaign.run_campaign import Progress, Report, Result
 
@@ -101,8 +102,10 @@ def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
     return [{"run": run.number, "seed": run.data["seed"], **run.choice} for run in listed]
 
 
-def plan(planned: Plan, expected: Estimate) -> None:
-    """Print the first runs of a plan and the estimate."""
+def plan(planned: Plan, expected: Estimate, folder: Folder) -> None:
+    """Print the first runs of a plan, the estimate, unit and identity; folder : of the plan, on no disk."""
+    from rig.unit.unit_file import what_it_reads
+
     rows = plan_rows(planned, min(expected.runs, MOST_ROWS))
     names = dict.fromkeys(name for row in rows for name in row)  # of what varies: a run may be without it
     table(rows, [Column(name, lambda row, name=name: row.get(name), LEVEL) for name in names])
@@ -112,6 +115,10 @@ def plan(planned: Plan, expected: Estimate) -> None:
         f"{expected.runs} runs, {expected.flight_s / 3600:.2f} h of flight: about {rough_duration(expected.wall_s)} on "
         f"{expected.workers} workers ({expected.us_per_frame:.0f} us/frame), {file_size(expected.disk_bytes)}, {logs}"
     )
+    if folder.unit is not None:
+        read = what_it_reads(folder.unit.about())
+        field("unit", f"{folder.unit.name} {folder.unit.build()[:12]}".rstrip() + (f": {read}" if read else ""))
+    field("identity", folder.mark)
 
 
 def result(flown: Result) -> None:
@@ -129,9 +136,12 @@ def status(state: dict[str, Any]) -> None:
     field("runs", f"{state['done']} of {state['runs']} done: {outcomes}; {state['aircraft_lost']} aircraft lost")
     if state.get("by"):
         field("voted by", state["by"])
+    if state.get("reads"):
+        field("reads", state["reads"])
     if state.get("not_flown"):
         field("not flown", unflown(state["not_flown"], state["first_reason"]), style="red")
     field("logs", f"{state['logs']} kept")
+    field("identity", state["identity"])
     field("table", state["table_sha256"])
 
 
@@ -143,6 +153,8 @@ def report(summary: dict[str, Any], target: Path) -> None:
     line((summary["title"], "bold"), f"  {head['done']} of {summary['runs']} runs")
     if summary.get("by"):
         field("voted by", summary["by"], width=_WIDTH)
+    if summary.get("reads"):
+        field("the unit reads", summary["reads"], width=_WIDTH)
     if head.get("not_flown"):
         field("not flown", unflown(head["not_flown"], head["first_reason"]), width=_WIDTH, style="red")
     if summary.get("by_name"):

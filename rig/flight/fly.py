@@ -31,9 +31,10 @@ from rig.flight.flight_result import Flight
 from rig.flight.operator_keys import Keys
 from rig.flight.pace import Pace
 from rig.flight.pace import realtime as real_time
-from rig.flight.recorder import FlightRecords, RecordingThread, Watcher
+from rig.flight.recorder import Findings, FlightRecords, RecordingThread, Watcher
 from rig.flight.unit_loop import UnitComputer
-from rig.log.of_flight import new_log
+from rig.log.of_flight import metadata, new_log
+from rig.log.writer import compile_packing
 from rig.scenario.overrides import Overrides, override_texts, plain_data
 from rig.scenario.scenario import Given, Scenario, find, load
 from rig.unit.running_unit import UnitUnderTest, running
@@ -186,14 +187,19 @@ def _fly_and_record(
         if to.outcome is None
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
-    rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
-    assess = None
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario, None if unit is None else unit.lane)
+    known = metadata(scenario)
+    if unit is not None:  # it starts with the flight's computer and waits for the first frame: all else comes before
+        Findings(scenario)
+        compile_packing(scenario.row_parts)
+    rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
+    assess = None
+    if outcome is not None:
         assess = lambda flown: outcome.add(Table(flown.rows, flown.beside, clean=rig.faults.clean_of(flown.rows)))  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     software = "" if unit is None else unit.unit.name
-    with new_log(to.out, named, scenario, to.text, about, to.overrides, software) as writer:
+    with new_log(to.out, named, scenario, to.text, about, to.overrides, software, known) as writer:
         path, viewer = writer.path, to.viewer
         paced = pace.period_s is not None
         stream = None if to.streams is None else to.streams.open(to.rerun, scenario, path, software, paced)

@@ -51,10 +51,15 @@ class UnitComputer:
         self._deadline = None if pace is None or pace.period_s is None else pace.due
 
     def __call__(self, rig: Rig) -> ComputerStep:
-        """Begin the session.  UnitRefused."""
-        unit = self._unit
-        unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.role), self._deadline, self._stop)
-        return _around_unit(unit, rig.data) if self.lane is None else around_lane(unit, rig.data)
+        """Begin the session, with all kernels compiled: the first frame follows at once.  BadInput, UnitRefused."""
+        unit, config = self._unit, config_of(rig.scenario, rig.redundancy, rig.plant.trim, self._unit.role)
+        if unit.prepare(config):
+            self._around(unit, rig.data)
+        unit.begin(config, self._deadline, self._stop)
+        return self._around(unit, rig.data)
+
+    def _around(self, unit: UnitUnderTest, data: StageData) -> ComputerStep:
+        return _around_unit(unit, data) if self.lane is None else around_lane(unit, data)
 
 
 def fly_rows(

@@ -54,6 +54,8 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "manager": scenario.get("redundancy", {}).get("manager"),
         "unit": unit_of(metadata).get("name"),
         "lane": unit_of(metadata).get("lane"),
+        "unit_files": unit_of(metadata).get("read_sha256"),
+        "unit_environment": unit_of(metadata).get("environment"),
         "overrides": overrides(log.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
         "rate_hz": log.rate_hz,

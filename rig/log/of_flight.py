@@ -29,10 +29,12 @@ def new_log(
     about: Mapping[str, str] | None = None,
     overrides: Sequence[str] = (),
     unit: str = "",
+    known: Mapping[str, str] | None = None,
 ) -> LogWriter:
     """Open a log under a free name, <name>_seed<seed>[_<unit>][_<tag>][_n].mcap, in the folder ``out``, which is made.
 
     about : more metadata; overrides : of the file, ``key=value``, from which the tag is made; unit : that flies
+    known : ``metadata`` of the scenario, which takes a tenth of a second, if it was made before
     """
     words = (word_of(named(name, scenario.aircraft)), f"seed{scenario.seed}", word_of(unit), tag(overrides))
     stem = "_".join(filter(None, words))
@@ -40,7 +42,7 @@ def new_log(
         for path in numbered(out, stem, ".mcap", beside=".rrd"):
             with suppress(FileExistsError):  # another flight was faster
                 attached = [("scenario.toml", text.encode())]
-                described = {**metadata(scenario), **(about or {})}
+                described = {**(known or metadata(scenario)), **(about or {})}
                 return LogWriter(path, scenario.rate_hz, described, attached, new=True, parts=scenario.row_parts)
     raise RigError(f"{out}: no free name for a log")
 

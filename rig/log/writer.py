@@ -31,6 +31,12 @@ CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is sho
 EVENT_BYTES: Final = 1 << 12  # of them left for events
 
 
+def compile_packing(parts: RowParts) -> None:
+    """Compile what packs rows for a log, before a unit waits for its first frame; parts : as of LogWriter."""
+    table = Table(new_block(1), second_rows(1, parts) if parts else None, np.zeros(1, TIMING))
+    pack(table, log_times(table["frame"], 1.0), plan(1, table.parts).blank.copy(), table.parts)
+
+
 class LogWriter:
     """One log file, open from before the first frame to after the last.
 

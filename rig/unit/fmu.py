@@ -43,7 +43,8 @@ class FmuLink(SocketLink):
 
     def __init__(self, unit: Unit, folder: TemporaryDirectory[str], looks: int, unsaid: tuple[str, ...]) -> None:
         """Start the child.  BadInput."""
-        super().__init__(*links.hosted("fmu", Path(folder.name), unit.file.parent, looks))
+        unpacked = Path(folder.name)
+        super().__init__(*links.hosted("fmu", unit, unpacked, looks, beside=(unpacked,)))
         self._folder, self.unsaid = folder, unsaid
 
     def close(self) -> str:

@@ -50,14 +50,14 @@ Deadline = Callable[[int, float], float]  # the time of ``clock`` at which a sha
 
 
 class UnitUnderTest:
-    """``begin`` a flight, ``exchange`` every frame of it, ``end`` it; ``close`` at last."""
+    """``prepare``, ``begin`` (the first starts the unit), ``exchange`` every frame, ``end`` a flight; ``close``."""
 
     port: Port  # of the flight that has begun
     compiled: CompiledExchange
     replies: ReplyCheck
 
     def __init__(self, unit: Unit, crowded: bool = False) -> None:
-        """Start the unit, or connect to it.  BadInput.
+        """Hold the unit of a file, which does not run yet.
 
         crowded : other flights use the cores, so that neither side should poll for a message
         """
@@ -67,36 +67,51 @@ class UnitUnderTest:
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
-        self.link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)  # another one after a restart
+        self._link: SocketLink | LibraryLink | None = None  # another one after a restart
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
 
+    @property
+    def link(self) -> SocketLink | LibraryLink:
+        """The unit, which is started or connected to if it is not yet.  BadInput."""
+        if self._link is None:
+            self._link = _reach(self.unit, self._patience.looks)
+        return self._link
+
+    def prepare(self, config: NDArray[Any]) -> bool:
+        """Make the port of a flight before the unit runs, to compile the frame; return False if it runs already."""
+        if self._link is not None:
+            return False
+        self._deadline, self._config = None, config
+        self._make_port(INTERFACE, ())
+        return True
+
     def begin(self, config: NDArray[Any], deadline: Deadline | None = None, stop: Stop | None = None) -> None:
-        """Bring the unit to its first frame, from any state.  UnitRefused.
+        """Bring the unit to its first frame, from any state.  BadInput, UnitRefused.
 
         config : (1,) CONFIG; deadline : of a paced flight, None in lockstep; stop : requests the end of the flight
         """
         self.dead, self._deadline, self._stop, self._config = False, deadline, stop or Stop(), config
         config["session"] = secrets.randbits(63) + 1
         try:
-            self._prepare(self._open())
+            self._make_port(self._open(), self.link.unsaid)
+            self._connect()
             self._begun = True
         except (Disconnected, UnitStopped, Refused) as reason:
             raise UnitRefused(f"{self.unit.source} {self._explained(str(reason))}") from None
 
-    def _prepare(self, interface: Interface) -> None:
-        """Make the exchange of the flight; interface : the unit's version of the records."""
+    def _make_port(self, interface: Interface, unsaid: tuple[str, ...]) -> None:
+        """Make port and exchange of a flight; interface : the unit's version of the records; unsaid : as of a link."""
         config, unit = self._config[0], self.unit
         trim, rate_hz, fitted = config["trim_surface"], float(config["rate_hz"]), config["signal"]["fitted"]
         known = self.role, self._session, unit.latency_frames, trim, rate_hz
-        self.port = new_port(*known, unit.start_s, interface, fitted, self.link.unsaid)
+        self.port = new_port(*known, unit.start_s, interface, fitted, unsaid)
         self.replies = ReplyCheck(self._session, Counts(), interface)
         self.compiled = new_exchange(self.port, self._session, self._message, interface)
         self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
         out, back = self.port
         self._sent = out.sent_bytes.data[: interface.input_bytes]
         self._received = back.bytes[RECEIVED].data[: interface.known_bytes]
-        self._connect()
 
     @property
     def _session(self) -> int:
@@ -140,8 +155,10 @@ class UnitUnderTest:
 
     def close(self) -> None:
         """End the unit and all its processes; append a fault of its end to its output."""
-        process = self.link.process
-        self.end_wrong = self.link.close()
+        if self._link is None:
+            return
+        process = self._link.process
+        self.end_wrong = self._link.close()
         if process is not None:
             self.printed += process.printed()
             process.forget()
@@ -151,7 +168,7 @@ class UnitUnderTest:
     @property
     def interface(self) -> Interface:
         """The unit's version of the records, after the start of a session."""
-        return self.link.interface or INTERFACE
+        return (self._link and self._link.interface) or INTERFACE
 
     @property
     def paced(self) -> bool:
@@ -273,7 +290,7 @@ class UnitUnderTest:
         """Start a new process with CONFIG and the present frame; the unit has lost its latches."""
         self.close()
         self.replies.counts.restarts += 1
-        self.link = _reach(self.unit, self._patience.looks)
+        self._link = _reach(self.unit, self._patience.looks)
         self.replies.begin_again()
         if self._open() != self.replies.interface:
             raise UnitStopped("has another version of the records")
@@ -311,7 +328,7 @@ def running(unit: None) -> AbstractContextManager[None]: ...
 def running(unit: Unit | Path | str | None) -> AbstractContextManager[UnitUnderTest | None]: ...
 @contextmanager
 def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
-    """Start the unit of a file, or connect to it; end it with the context.  BadInput."""
+    """Hold the unit of a file, which starts with its first session; end it with the context.  BadInput."""
     settings = read_unit(unit) if isinstance(unit, str | Path) else unit
     tested = None if settings is None else UnitUnderTest(settings)
     try:
@@ -322,6 +339,7 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
 
 
 def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
+    unit.require_unchanged()
     if unit.transport == "library":
         return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
     if unit.transport == "udp":

@@ -112,11 +112,16 @@ class SocketLink:
 
 def child(unit: Unit, looks: int) -> SocketLink:
     """Start a library in a child process.  BadInput: it cannot be started.  looks : as in UnitProcess"""
-    return SocketLink(*hosted("library", unit.file, unit.file.parent, looks))
+    return SocketLink(*hosted("library", unit, unit.file, looks))
 
 
-def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.socket, UnitProcess]:
-    """Start the host of ``kind`` with the unit at ``path``, in ``folder``; return it with a socket to it.  BadInput."""
+def hosted(
+    kind: str, unit: Unit, path: Path, looks: int, beside: tuple[Path, ...] = ()
+) -> tuple[socket.socket, UnitProcess]:
+    """Start the host of ``kind`` with the unit at ``path``; return it with a socket to it.  BadInput.
+
+    beside : as in UnitProcess
+    """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sizes = {
         "config": CONFIG.itemsize,
@@ -133,7 +138,8 @@ def hosted(kind: str, path: Path, folder: Path, looks: int) -> tuple[socket.sock
     templates = (record.tobytes()[:size].hex() for record, size in blanks)
     with theirs:
         fd = theirs.fileno()
-        process = UnitProcess(kind, [str(fd), str(path), ",".join(templates), *arguments], (fd,), folder, looks)
+        given = [str(fd), str(path), ",".join(templates), *arguments]
+        process = UnitProcess(kind, given, (fd,), unit.file.parent, looks, unit=unit, beside=beside)
     return ours, process
 
 
@@ -152,7 +158,7 @@ def udp(unit: Unit, looks: int) -> SocketLink:
     talk.bind(("127.0.0.1", 0))
     own = "{}:{}".format(*talk.getsockname())
     named = [part.replace("{address}", own) for part in command]
-    process = UnitProcess("exec", named, folder=unit.folder, looks=looks)
+    process = UnitProcess("exec", named, folder=unit.folder, looks=looks, unit=unit)
     link = SocketLink(talk, process, own)
     try:
         link.interface = _await_first(talk, process, unit)

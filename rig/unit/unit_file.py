@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,10 +11,12 @@ from typing import Any, ClassVar, Final, Literal
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
+from rig.core.difference import difference
 from rig.core.errors import BadInput
 from rig.core.files import is_file, is_folder, open_regular, reported
 from rig.core.frame import COMPUTERS
 from rig.core.settings import Settings, build, read_toml
+from rig.unit.environment import NUL, preloaded, wrong_in, wrong_preload
 
 LARGEST_FILE: Final = 1 << 30  # bytes of a library, an FMU or a program
 LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
@@ -58,17 +61,37 @@ class Unit(Settings):
     lane: Literal["A", "B", "C", "D"] | None = None  # of several computers, the one that it is; None: the only one
     fmu: FmuMapping | None = None  # of an FMU that has not our variables
     reuse: bool = True  # a campaign flies one session after the other with the same process
+    files: list[str] = Field(default_factory=list)  # that it reads, from the folder of the unit file
+    environment: dict[str, str] = Field(default_factory=dict)  # of its process; ${folder}, ${scratch} are places
     _folder: Path = PrivateAttr(default=Path())  # of the unit file
     _source: str = PrivateAttr(default="")  # the unit file as it was named
+    _hashes: dict[str, str] | None = PrivateAttr(default=None)  # of all its files, when they were first read
 
     @field_validator("path", "command")
     @classmethod
     def _without_nul(cls, value: str | list[str] | None) -> str | list[str] | None:
-        if "\0" in "".join(value or ()):
+        if NUL in "".join(value or ()):
             raise ValueError("must not contain the character NUL")
         if value is not None and not value[0]:
             raise ValueError("must not be empty")
         return value
+
+    @field_validator("files")
+    @classmethod
+    def _inside(cls, files: list[str]) -> list[str]:
+        for name in files:
+            if not name or NUL in name:
+                raise ValueError(f"{name!r} is not the name of a file")
+            if Path(name).is_absolute():
+                raise ValueError(f"{name}: must be relative to the folder of the unit file")
+        return files
+
+    @field_validator("environment")
+    @classmethod
+    def _of_variables(cls, environment: dict[str, str]) -> dict[str, str]:
+        if wrong := wrong_in(environment):
+            raise ValueError(wrong)
+        return environment
 
     @field_validator("address")
     @classmethod
@@ -91,6 +114,15 @@ class Unit(Settings):
             raise ValueError(f"fmu: the transport {self.transport} has no variables to map")
         if self.on_dead == "restart" and (self.address is not None or self.transport == "python" or not self.isolate):
             raise ValueError("on_dead: the rig can restart only a unit that it has started")
+        return self
+
+    @model_validator(mode="after")
+    def _has_what_it_reads(self) -> Unit:
+        if self.transport == "python" and self.files:
+            raise ValueError("files: not with the transport python; the rig finds the files of a class itself")
+        if self.environment and (self.address is not None or self.transport == "python" or not self.isolate):
+            own = "runs already" if self.address is not None else "runs in the process of the rig"
+            raise ValueError(f"environment: the unit {own}; variables need a process that the rig starts for it")
         return self
 
     @property
@@ -126,34 +158,71 @@ class Unit(Settings):
 
     def sha256(self) -> str:
         """Return the hash of library, FMU or program, in hexadecimal; empty if there is none.  BadInput."""
-        if not self.file.name or not is_file(self.file):
-            return ""
-        return self._digest(self.file, f"{self.source}: {self.file}").hexdigest()
+        return self.hashes().get(self._named, "")
 
-    def _digest(self, path: Path, where: str) -> Any:
+    @property
+    def _named(self) -> str:
+        """Return library, FMU or program as the unit file names it."""
+        return self.path or (self.command or [""])[0]
+
+    def hashes(self) -> dict[str, str]:
+        """Return the SHA-256 of each file of the unit by its name, as the file was when it was first read.  BadInput.
+
+        These are library, FMU or program; files that the command names; ``files``; libraries of LD_PRELOAD.  Other
+        files of the machine, such as an interpreter, are not included.
+        """
+        if self._hashes is None:
+            self._hashes = self._hashed()
+        return self._hashes
+
+    def _hashed(self) -> dict[str, str]:
+        found = {self._named: self.file} if self.file.name and is_file(self.file) else {}
+        words = [word for word in (self.command or [])[1:] if is_file(self._folder / word)]
+        found |= {word: self._folder / word for word in [*words, *self.files]}
+        found |= dict(preloaded(self.environment, self._folder))
+        return {name: self._digest(name, path) for name, path in found.items()}
+
+    def _digest(self, name: str, path: Path) -> str:
+        where = f"{self._source}: files: {name}" if name in self.files else f"{self.source}: {name}"
         with open_regular(path, LARGEST_FILE, where=where) as file, reported(where, BadInput, "cannot be read"):
-            return hashlib.file_digest(file, "sha256")
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    def require_unchanged(self) -> None:
+        """Raise BadInput if a file is no longer the one that was first read."""
+        was, now = self.hashes(), self._hashed()
+        for name in (name for name in {**was, **now} if was.get(name) != now.get(name)):
+            raise BadInput(f"{self.source}: {name}: is not the file that it was when the unit file was read")
 
     def build(self) -> str:
-        """Return the hashes that change with the unit: of its file, and of the files that its command names.  BadInput.
-
-        Other files of the machine, such as an interpreter, are not included.
-        """
-        beside = [word for word in (self.command or [])[1:] if is_file(self._folder / word)]
-        if not beside:
+        """Return the hash that changes with the unit: with one of its files, and with its environment.  BadInput."""
+        if not self.environment and self.hashes().keys() <= {self._named}:
             return self.sha256()
-        digest = hashlib.sha256(self.sha256().encode())
-        for word in beside:
-            digest.update(word.encode() + self._digest(self._folder / word, f"{self.source}: {word}").digest())
-        return digest.hexdigest()
+        what = [self.sha256(), self.hashes(), self.environment]
+        return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
 
     def about(self) -> dict[str, Any]:
-        """Return the settings for a log."""
-        return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
+        """Return the settings for a log, with the hash of each file."""
+        return {**self.model_dump(exclude_none=True), "read_sha256": self.hashes(), "sha256": self.sha256()}
 
     def identity(self) -> dict[str, Any]:
         """Return the settings and the build, which decide the flights of a campaign.  BadInput."""
-        return {**self.model_dump(exclude_none=True), "sha256": self.build()}
+        return {**self.about(), "sha256": self.build()}
+
+
+def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return what differs of what two units read, a line each; was, now : as of ``about``, or of ``identity``."""
+    files = "read_sha256" if "read_sha256" in was else "sha256"  # in a log or folder of an earlier version
+    return difference(*({key: one[key] for key in ("environment", files) if key in one} for one in (was, now)))
+
+
+def what_it_reads(unit: Mapping[str, Any]) -> str:
+    """Return what a unit reads, for a person: ``files median.so 0a1b2c3d4e5f; environment VOTER=mean``.
+
+    unit : as of ``about``; empty for a unit of an earlier version, a box, or none
+    """
+    files = ", ".join(f"{name} {digest[:_BUILD]}" for name, digest in sorted(unit.get("read_sha256", {}).items()))
+    variables = ", ".join(f"{name}={value}" for name, value in sorted(unit.get("environment", {}).items()))
+    return "; ".join(f"{what} {text}" for what, text in (("files", files), ("environment", variables)) if text)
 
 
 def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
@@ -199,4 +268,7 @@ def read_unit(path: Path | str) -> Unit:
     if unit.path is not None and not is_file(unit.file):
         what = f"is a folder, must be {_IS[unit.transport]}" if is_folder(unit.file) else "no such file"
         raise BadInput(f"{path}: path: {unit.path}: {what}")
+    if wrong := wrong_preload(unit.environment, unit.folder):
+        raise BadInput(f"{path}: environment: {wrong}")
+    unit.hashes()
     return unit

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rig.core.errors import BadInput, RigError
 from rig.core.frame import Block, Table, UnitStatus
+from rig.core.notes import note
 from rig.core.progress import tell
 from rig.core.runs import runs_where
 from rig.core.trust import Trust
@@ -23,7 +24,7 @@ from rig.log import Log, LogFile, scenario_of, unit_of
 from rig.scenario.pressed_keys import pressed
 from rig.scenario.scenario import Scenario, from_resolved
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_file import voter
+from rig.unit.unit_file import differences, voter
 from rig.verdict.conclusion import conclusion, not_scored
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.score_records import Score, Yardstick
@@ -95,6 +96,8 @@ def score_log(
     unit_facts = unit_of(log.metadata)
     if unit is not None:
         unit.fly_as(unit_facts)
+        for differs in differences(unit_facts, unit.unit.about()) if unit_facts else ():
+            note(f"{path}: the unit that flies the baseline is not as in the flight: {differs}")
     times, answers = Times(), list[NDArray[Any]]()
     blocks, other = _gone_through(log, times, answers), _baseline(log, scenario, unit) if baseline else None
     try:

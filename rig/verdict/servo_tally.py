@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any, Final
 
@@ -48,7 +49,8 @@ class ActuatorOutcome:
             linger=np.array([self.persistence + MARGIN]),
         )
         self._of_unit = NEVER if unit_lane is None else COMPUTERS.index(unit_lane)  # its channel
-        add_servos(Table(new_block(0), second_rows(0)), self.records)  # compiles before the first frame
+        blank = Table(new_block(2), second_rows(2, scenario.row_parts))  # fewer rows would be another layout
+        add_servos(blank, deepcopy(self.records))  # compiles before the first frame
 
     def completed(self, n: int, fault: FaultScore) -> FaultScore:
         """Return the outcome of the fault of the ``n``-th FAULT record: as it is, unless it sits on servos."""

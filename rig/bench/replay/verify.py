@@ -17,6 +17,7 @@ from rig.flight.unit_loop import fly_blocks
 from rig.log.columns import COLUMNS, chosen_of_parts
 from rig.log.recordings.flown_log import Recorded
 from rig.unit.running_unit import UnitUnderTest
+from rig.unit.unit_file import differences
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,5 +77,4 @@ def _of_unit(recording: Recorded, unit: UnitUnderTest | None) -> list[str]:
     then, now = recording.unit, unit.unit.about()
     if not then:
         return [f"unit: flown by the built-in manager, replayed by {now['name']}"]
-    same = then.get("sha256") == now["sha256"]
-    return [] if same else [f"unit: {now['name']} is another build than in the flight"]
+    return [f"unit: {now['name']} is not as in the flight: {differs}" for differs in differences(then, now)]

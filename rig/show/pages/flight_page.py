@@ -18,7 +18,7 @@ from rig.core.outputs import require_apart, require_page
 from rig.core.progress import tell
 from rig.core.units.quantities import duration, quantity, seconds
 from rig.flight.flight_result import Flight
-from rig.log import LogFile, scenario_of
+from rig.log import LogFile, scenario_of, unit_of
 from rig.log.info import FILE, overrides
 from rig.log.schema import SCHEMA_VERSION
 from rig.show.pages import flight_figures as draw
@@ -31,6 +31,7 @@ from rig.show.pages.page import DASH, write_page
 from rig.show.pages.requirement_figures import Robustness
 from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
 from rig.show.viewer.series import threshold
+from rig.unit.unit_file import what_it_reads
 from rig.verdict import score_tables as cells
 from rig.verdict.context import Context
 from rig.verdict.counting import another
@@ -198,6 +199,7 @@ def _about(
         "point": scenario.airframe.point(scenario.flight_point).name,
         "sets": overrides(text, scenario_of(log.metadata, scored.log)),
         "voter": scored.voter,
+        "reads": what_it_reads(unit_of(log.metadata)),
         "ended": ending(score.flight.survived, score.flight.end_reason, score.flight.frames, rate_hz),
         "cards": _cards(scored, rate_hz),
         "moments": _sentences(scored, course, moments, rate_hz),

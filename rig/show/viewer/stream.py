@@ -10,6 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
@@ -57,7 +58,12 @@ def open_stream(where: str, title: str, rate_hz: float, out_path: Path, facts: F
 class Streams:
     """The streams that a flight may open (flight/fly.py is given them)."""
 
-    check = staticmethod(check_where)
+    @staticmethod
+    def check(where: str) -> None:
+        """Raise BadInput unless there is a stream of that name; import what it needs, which takes a second."""
+        check_where(where)
+        if where != "off":
+            import_module("rig.show.viewer.blueprint")  # and Rerun
 
     @staticmethod
     def open(where: str, scenario: Scenario, log: Path, unit: str, paced: bool) -> Stream | None:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import polars as pl
 
 from rig.core.column import COUNT, INSTANT, LEVEL, RATE, SECONDS, SHARE, Column
+from rig.core.difference import difference
 from rig.core.errors import BadInput
 from rig.core.files import is_file
 from rig.studies.campaign.folder import Folder, not_flown
@@ -30,7 +31,6 @@ from rig.studies.campaign.group_rates import (
     tie_break,
 )
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
-from rig.studies.campaign.study_folder import difference
 from rig.studies.campaign.tables import COUNTED, RUNS, SUSPECTS
 from rig.studies.campaign.varied import by_name, by_varied, varied
 from rig.unit.unit_file import voted_by
@@ -120,6 +120,7 @@ def summary(folder: Folder) -> dict[str, Any]:
         "runs": len(plan),
         "managers": folder.voters(),
         "by": folder.by,
+        "reads": folder.unit_reads,
         "set": [f"{key}={value}" for key, value in plan.campaign.set.items()],
         "varied": varied(plan),
         "by_name": names,

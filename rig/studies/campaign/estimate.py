@@ -10,7 +10,9 @@ from typing import Final
 
 from rig.core.errors import RigError
 from rig.studies.campaign.plan import Plan, rig_identity
+from rig.studies.campaign.run_campaign import workers_of
 from rig.studies.campaign.worker import Orders, fly_alone, keeps, log_path
+from rig.unit.unit_file import Unit
 
 ROW_BYTES: Final = 1_500  # of all tables together, a run
 _LOOKED_AT: Final = 200
@@ -29,22 +31,22 @@ class Estimate:
     us_per_frame: float  # measured, everything included
 
 
-def estimate(plan: Plan, runs: int | None = None) -> Estimate:
-    """Fly one run twice, the first time to warm up, and extrapolate from it."""
-    count = plan.count(runs)
+def estimate(plan: Plan, runs: int | None = None, unit: Unit | None = None) -> Estimate:
+    """Fly one run twice, the first time to warm up, and extrapolate from it; unit : under test, which flies it."""
+    count, workers = plan.count(runs), workers_of(unit, None) or plan.campaign.run.workers
     how = plan.campaign.run
     durations = _durations(plan, count)
     rate_hz = plan[0].scenario().rate_hz
     shortest = min(range(min(count, _LOOKED_AT)), key=durations.__getitem__)
-    cost_s, log_bytes = _probe(plan, shortest)
+    cost_s, log_bytes = _probe(plan, shortest, unit)
     per_frame_s = cost_s / (durations[shortest] * rate_hz)
     orders = Orders(how.logs, len(plan), "", 0.0, plan.campaign.baseline, "")
     kept = [durations[number] for number in range(count) if keeps(orders, number, in_trouble=False)]
     return Estimate(
         runs=count,
         flight_s=sum(durations),
-        workers=how.workers,
-        wall_s=sum(durations) * rate_hz * per_frame_s / how.workers,
+        workers=workers,
+        wall_s=sum(durations) * rate_hz * per_frame_s / workers,
         logs=len(kept),
         disk_bytes=round(sum(kept) / durations[shortest] * log_bytes) + count * ROW_BYTES,
         us_per_frame=per_frame_s * 1e6,
@@ -63,7 +65,7 @@ def _duration(plan: Plan, number: int) -> float:
     return float((choice if "duration_s" in choice else plan.data(number)).get("duration_s", 60.0))
 
 
-def _probe(plan: Plan, number: int) -> tuple[float, int]:
+def _probe(plan: Plan, number: int, unit: Unit | None) -> tuple[float, int]:
     """Return the seconds of one flight, and the size of its log."""
     how = plan.campaign.run
     with tempfile.TemporaryDirectory() as folder:
@@ -75,6 +77,8 @@ def _probe(plan: Plan, number: int) -> tuple[float, int]:
             how.timeout_s,
             plan.campaign.baseline,
             rig_identity(),
+            unit=unit,
+            unit_build="" if unit is None else unit.build(),
             requirements=plan.requirements,
         )
         rows = fly_alone([plan[number], plan[number]], orders)["runs"]

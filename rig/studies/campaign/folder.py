@@ -34,7 +34,7 @@ from rig.studies.campaign.plan import Plan, rig_identity
 from rig.studies.campaign.searched import SearchedPlan
 from rig.studies.campaign.study_folder import FORMAT, UNSEALED, Study, write_whole
 from rig.studies.campaign.tables import TABLES, Rows
-from rig.unit.unit_file import Unit, voted_by
+from rig.unit.unit_file import Unit, differences, voted_by, what_it_reads
 
 NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")  # outcomes of a run
 
@@ -96,6 +96,11 @@ class Folder:
         return {"format": FORMAT, "rig": rig_identity(), **self.plan.identity(), **unit}
 
     @property
+    def mark(self) -> str:
+        """Return the hash of the identity, the same for the same plan and unit, whatever the folder."""
+        return sealed.identity(json.dumps(self.about, sort_keys=True).encode())
+
+    @property
     def kept(self) -> dict[str, Any]:
         """Return the content of ``campaign.json``, as it was when the first run was flown.  BadInput."""
         return STUDY.read(self.path)
@@ -106,7 +111,8 @@ class Folder:
         if was is None and unit is not None:
             raise BadInput(f"{self.path}: was flown without a unit under test")
         if was is not None and (unit is None or unit.build() != was.get("sha256")):
-            given = "give its file by --unit" if unit is None else f"{unit.source} is another build"
+            differs = [] if unit is None else differences(was, unit.identity())
+            given = f"{unit.source} is another build: {differs[0]}" if unit else "give its file by --unit"
             raise BadInput(f"{self.path}: was flown with the unit under test {was.get('name')!r}: {given}")
 
     @contextmanager
@@ -195,6 +201,11 @@ class Folder:
         of_units = any("unit " in name for name in voters)
         return ", ".join(voters) if of_units or not voters else f"manager {', '.join(voters)}"
 
+    @property
+    def unit_reads(self) -> str:
+        """Return files and environment of the unit under test that flew, as a line; empty without one."""
+        return what_it_reads(self.kept.get("unit") or {})
+
     def status(self) -> dict[str, Any]:
         """Return the state of the campaign: all runs, the runs done, the result, the hash of the tables so far."""
         runs = self.tables["runs"]
@@ -206,6 +217,7 @@ class Folder:
             "outcomes": dict(runs["outcome"].value_counts().iter_rows()),
             "aircraft_lost": int((~runs["survived"].fill_null(value=True)).sum()),
             "logs": sum(1 for _ in self.logs.glob("*.mcap")),
+            "identity": sealed.identity(json.dumps(self.kept, sort_keys=True).encode()),
             "table_sha256": table.sha256(self.tables),
         }
 

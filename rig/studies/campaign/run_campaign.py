@@ -138,6 +138,8 @@ def run(
             progress = Progress(count, count - len(missing))
             try:
                 Flying(plan, pool, folder, orders, progress).fly(missing, plan.campaign.run.batch, stop, report)
+            except BadInput as error:
+                raise BadInput(f"{error}; {progress.done} of {count} runs done") from None
             except RigError as error:
                 raise RigError(f"{error}; {progress.done} of {count} runs done, {GOES_ON}") from None
             kill = stop.insisted
@@ -150,7 +152,7 @@ def pool_of(plan: Plan, workers: int | None, scheduler: str | None, unit: Unit |
     """Return the pool that flies batches; ``workers`` instead of the campaign file's.  BadInput as ``run``."""
     if scheduler is not None:
         return Cluster(scheduler)
-    return Local(_workers(unit, workers) or plan.campaign.run.workers)
+    return Local(workers_of(unit, workers) or plan.campaign.run.workers)
 
 
 def orders_of(folder: Folder, logs: str | None = None) -> Orders:
@@ -170,7 +172,7 @@ def orders_of(folder: Folder, logs: str | None = None) -> Orders:
     )
 
 
-def _workers(unit: Unit | None, workers: int | None) -> int | None:
+def workers_of(unit: Unit | None, workers: int | None) -> int | None:
     """Return how many workers may fly: only one with a unit at an address.
 
     BadInput: more are asked for, or the unit is a class, which a campaign does not allow.

@@ -8,7 +8,6 @@ One command writes into a folder at a time, on every system: it holds the file `
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rig.core import sealed
+from rig.core.difference import difference
 from rig.core.errors import BadInput, RigError
 from rig.core.files import LOCK, is_file, is_unused, replaced, reported, sweep
 
@@ -88,33 +88,6 @@ def write_whole(path: Path, data: bytes) -> None:
                 os.fsync(file.fileno())
     except BadInput as error:
         raise RigError(str(error)) from None
-
-
-def difference(was: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Return the differences of two identities, a line each."""
-    before, after = dict(_flat(was)), dict(_flat(now))
-    return [
-        f"{key} was {_shown(before, key)}, is {_shown(after, key)}"
-        for key in sorted({*before, *after})
-        if before.get(key, _NOTHING) != after.get(key, _NOTHING)
-    ]
-
-
-_NOTHING: Final = object()
-
-
-def _shown(flat: dict[str, Any], key: str) -> str:
-    return json.dumps(flat[key]) if key in flat else "not there"
-
-
-def _flat(data: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every leaf of plain data with its dotted key."""
-    if isinstance(data, dict | list):
-        items = data.items() if isinstance(data, dict) else enumerate(data)
-        for key, value in items:
-            yield from _flat(value, f"{above}.{key}" if above else str(key))
-    else:
-        yield above, data
 
 
 @contextmanager

@@ -16,9 +16,12 @@ from rig.core.files import bundled, is_file, write_text
 from rig.core.settings import Settings, build, read_toml
 from rig.scenario.scenario import find as find_scenario
 from rig.studies.campaign import campaign_file as config
+from rig.unit.unit_file import Unit, differences
 from rig.verdict.requirements.requirement import Requirement, load_requirements
 
 MOST: Final = 1000  # cases
+UNIT: Final = "unit under test"  # in the file of reference decisions: what it reads; no name of a case
+READ: Final = ("environment", "read_sha256")
 _KINDS: Final = ("scenario", "log", "campaign")
 
 
@@ -81,6 +84,8 @@ class Suite:
         for case in self.cases:
             case._path = self._find(case)
         names = [case.called for case in self.cases]
+        if UNIT in names:
+            raise BadInput(f"{path}: cases: {UNIT}: no case may have this name; rename it")
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise BadInput(f"{path}: cases: {twice[0]}: two cases have this name; rename one")
         self.requirements = {case.called: self._requirements(case) for case in self.cases}
@@ -125,14 +130,23 @@ class Suite:
         if not is_file(self.decisions_file):
             return None
         tables = read_toml(self.decisions_file)
+        tables.pop(UNIT, None)
         for name, lines in tables.items():
             if not isinstance(lines, list) or not all(isinstance(line, str) for line in lines):
                 raise BadInput(f"{self.decisions_file}: {name}: must be a list of decisions; write it with --update")
         return tables
 
-    def keep(self, decisions: dict[str, list[str]]) -> None:
-        """Write the reference decisions."""
-        write_text(self.decisions_file, tomli_w.dumps(decisions))
+    def keep(self, decisions: dict[str, list[str]], unit: Unit | None = None) -> None:
+        """Write the reference decisions, with what the ``unit`` that decided reads."""
+        about = {} if unit is None else {UNIT: {key: unit.about()[key] for key in READ}}
+        write_text(self.decisions_file, tomli_w.dumps({**decisions, **about}))
+
+    def of_another_unit(self, unit: Unit | None) -> list[str]:
+        """Return what ``unit`` reads otherwise than the unit that made the reference decisions, a line each."""
+        was = read_toml(self.decisions_file).get(UNIT) if is_file(self.decisions_file) else None
+        if not isinstance(was, dict):  # of a manager
+            return []
+        return ["a unit made the reference, now a manager votes"] if unit is None else differences(was, unit.about())
 
 
 def _find_log(name: str) -> Path:

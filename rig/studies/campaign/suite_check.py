@@ -92,6 +92,8 @@ def check(suite: Suite, unit: Unit | None, tell: Callable[[str], None] = lambda 
         command = _command(case, suite.names_of(case), unit)
         try:
             outcome = _measured(case, requirements, unit)
+            if unit is not None:
+                unit.require_unchanged()
         except BadInput as error:
             raise BadInput(f"{suite.path}: {case.called}: {error}") from None
         except RigError as error:

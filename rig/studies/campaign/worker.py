@@ -74,10 +74,15 @@ class Orders:
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
-    """Fly runs one after the other; return their rows by table. RigError: this is another version of rig."""
+    """Fly runs one after the other; return their rows by table.
+
+    RigError: this is another version of rig.  BadInput: a file of the unit has changed; the rows may be of both.
+    """
     check_rig(orders)
     with _one_at_a_time:
-        return _joined([fly_run(run, orders) for run in runs])
+        flown = _joined([fly_run(run, orders) for run in runs])
+    _check_unit(orders)
+    return flown
 
 
 def _joined(parts: Sequence[Rows]) -> Rows:
@@ -85,12 +90,10 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def check_rig(orders: Orders) -> None:
-    """Raise RigError if this worker has another rig, unit or manager of the user than the campaign."""
+    """Raise RigError if this worker has another rig or manager of the user than the campaign; BadInput: a unit."""
     if rig_identity() != orders.rig:
         raise RigError("a worker has another version of rig than this command; install the same version everywhere")
-    if orders.unit is not None and orders.unit.build() != orders.unit_build:
-        source = orders.unit.source
-        raise RigError(f"{source}: a worker has another build than this command; install the same everywhere")
+    _check_unit(orders)
     for manager, files in orders.sources.items():
         try:
             here = first_sources(manager)
@@ -99,6 +102,12 @@ def check_rig(orders: Orders) -> None:
         for name in sorted(name for name in {*files, *here} if files.get(name) != here.get(name)):
             what = f"another {name} of {manager!r} than this command"
             raise RigError(f"a worker has {what}; install the same everywhere, and start the workers again")
+
+
+def _check_unit(orders: Orders) -> None:
+    """Raise BadInput if a file of the unit is not the one that the command has read."""
+    if orders.unit is not None:
+        orders.unit.require_unchanged()
 
 
 def fly_run(run: Run, orders: Orders) -> Rows:
@@ -192,7 +201,7 @@ def flown_with(unit: Unit | None) -> Iterator[UnitUnderTest | None]:
     if unit is None:
         yield None
         return
-    key = unit.model_dump_json()
+    key = f"{unit.build()} {unit.folder} {unit.model_dump_json()}"
     if not any(end.still_active() for end in _ends):  # one of the parent's is not
         _ends[:] = [Finalize(None, _end_units, exitpriority=1)]  # a worker runs no atexit
     if key not in _running:
@@ -225,6 +234,7 @@ def fly_alone(runs: Sequence[Run], orders: Orders) -> Rows:
             suspect = waiting.pop(0)
             again, code = _child([suspect], orders)
             flown += again or [not_flown(suspect, *_died(code, orders))]
+    _check_unit(orders)
     return _joined(flown)
 
 

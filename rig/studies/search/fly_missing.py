@@ -26,6 +26,7 @@ from rig.studies.campaign.worker import fly_batch
 from rig.studies.search.confirm_worst import SEEDS, new_seeds
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
+from rig.unit.unit_file import Unit
 from rig.verdict.requirements.robustness import robustness_text
 
 _LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking take
@@ -68,32 +69,39 @@ class Flown:
         return [kept[number] for number in numbers]
 
 
-def require_known(plan: Plan, out: Path) -> None:
+def require_known(plan: Plan, out: Path, unit: Unit | None = None) -> None:
     """Raise BadInput unless ``out`` is a new folder, or of the same plan with complete parts.  Writes nothing."""
-    folder = Folder.of(out, plan)
+    folder = Folder.of(out, plan, unit)
     if folder.is_begun:
         folder.done()
 
 
 @contextmanager
-def flown(plan: Plan, out: Path, pool: Pool, stop: Stop, batch: Batch = fly_batch) -> Iterator[Flown]:
-    """Hold a plan's folder, new or existing.  BadInput as ``Folder.of``; RigError, with the way to resume."""
-    folder = _Kept.of(out, plan)
+def flown(
+    plan: Plan, out: Path, pool: Pool, stop: Stop, unit: Unit | None = None, batch: Batch = fly_batch
+) -> Iterator[Flown]:
+    """Hold a plan's folder, new or existing.  BadInput as ``Folder.of``; RigError, with the way to resume.
+
+    unit : under test, which flies
+    """
+    folder = _Kept.of(out, plan, unit)
     assert isinstance(folder, _Kept)
     with folder.held():
         made = Flown(plan, folder, pool, stop, batch)
         try:
             yield made
+        except BadInput as error:
+            raise BadInput(f"{error}; {len(folder.runs)} flights done") from None
         except RigError as error:
             raise RigError(f"{error}; {len(folder.runs)} flights done, {GOES_ON}") from None
 
 
-def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None:
+def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop, unit: Unit | None = None) -> None:
     """Raise BadInput for a requirement that a flight without faults violates, with its arm and robustness.
 
     An existing folder has passed.  Interrupted: asked to stop; RigError: such a flight cannot be flown.
     """
-    if Folder.of(out, plan).is_begun:  # another's is refused before anything is flown
+    if Folder.of(out, plan, unit).is_begun:  # another's is refused before anything is flown
         return
     tell("flying without faults")
     cases = list(_cases(plan))
@@ -101,7 +109,7 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop) -> None
     numbers = confirming.add([table for _, table in cases])
     with (
         TemporaryDirectory() as folder,
-        flown(confirming, Path(folder) / "healthy", pool, stop) as flights,
+        flown(confirming, Path(folder) / "healthy", pool, stop, unit) as flights,
     ):
         rows = flights.rows(numbers)
     for (name, _), row in zip(cases, rows, strict=True):

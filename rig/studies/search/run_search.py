@@ -17,6 +17,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
 
+from rig.core.errors import BadInput
 from rig.core.files import require_place
 from rig.core.interrupt import interruptible
 from rig.core.outputs import BESIDE_RUNS
@@ -38,6 +39,7 @@ from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
 from rig.studies.search.worst_flight import decision
+from rig.unit.unit_file import Unit
 from rig.verdict.requirements.robustness import robustness_text
 
 CONFIRMED: Final = "confirmed"
@@ -53,29 +55,39 @@ class Ended(Ending):
     wall_s: float
 
 
-def run(plan: SearchPlan, out: Path, *, workers: int | None = None, scheduler: str | None = None) -> Ended:
-    """Search into the folder ``out``, or resume there.
+def run(
+    plan: SearchPlan,
+    out: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    unit: Unit | None = None,
+) -> Ended:
+    """Search into the folder ``out``, or resume there; unit : under test, which flies.
 
     BadInput before anything is written; RigError: the disk is full, or workers keep stopping.
     """
+    if plan.asked.bench and unit is not None:
+        raise BadInput("--unit: not with --bench, which votes without a flight")
     began, batch = perf_counter(), bench.run_batch if plan.asked.bench else fly_batch
-    pool, kill = pool_of(plan, workers, scheduler), True
+    pool, kill = pool_of(plan, workers, scheduler, unit), True
     try:
         plan.check()
         if plan.asked.bench:
             bench.check(plan)
-        _require_begun_or_new(plan, out)
+        _require_begun_or_new(plan, out, unit)
         with interruptible(again=True) as stop:
             try:
-                refuse_violated(plan, out, pool, stop)
+                refuse_violated(plan, out, pool, stop, unit)
             except Interrupted:
                 kill = stop.insisted
                 return Ended({}, "", 0, perf_counter() - began, interrupted=True, signal=stop.signal)
-            with flown(plan, out, pool, stop, batch) as flights:
+            with flown(plan, out, pool, stop, unit, batch) as flights:
                 figures: dict[str, Any] = {}
                 with suppress(Interrupted):  # the flown flights are in the folder; the same command resumes
                     found = _searched(plan, flights)
-                    with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop) as others:  # open loop or not
+                    # in open loop or not
+                    with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop, unit) as others:
                         figures = _finished(plan, found, others, out)
                 kill = stop.insisted
                 tables = flights.folder.tables
@@ -94,9 +106,9 @@ class _Found:
     results: list[Measured]  # of each draw, in their order
 
 
-def _require_begun_or_new(plan: SearchPlan, out: Path) -> None:
+def _require_begun_or_new(plan: SearchPlan, out: Path, unit: Unit | None) -> None:
     """Raise BadInput before the first flight if the flights on new seeds or a result could not be written."""
-    require_known(ConfirmPlan(plan), out / CONFIRMED)
+    require_known(ConfirmPlan(plan), out / CONFIRMED, unit)
     if out.is_dir():
         for name in BESIDE_RUNS:
             require_place(out / name)
