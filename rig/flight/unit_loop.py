@@ -1,4 +1,4 @@
-"""A unit under test in the loop: in the place of the manager, or of manager and control law.
+"""A unit under test in the loop: in the place of the manager, of manager and control law, or of the law (unit_law.py).
 
 before_unit      channels and references, and all that the unit reads into its record
 try_exchange     the unit, wherever it is
@@ -10,7 +10,7 @@ Python continues with ``exchange`` and ``after_unit``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,17 +22,19 @@ from rig.computer.control.law_state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager_config import PARAMS
+from rig.computer.redundancy.own import OwnManager
 from rig.core.blocks import in_blocks
 from rig.core.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Table, UnitStatus, nested, new_block
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, kernel
 from rig.flight import loop
-from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, compute
+from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, bind_computer, compute
 from rig.flight.pace import Pace
 from rig.flight.unit_lane import around_lane
+from rig.flight.unit_law import stretches
 from rig.scenario.scenario import Scenario
 from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
-from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fly_trim, take
+from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fill_law, fly_trim, take
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.session import configuration
 from rig.unit.unit_records import Role
@@ -54,7 +56,11 @@ class UnitComputer:
         """Begin the session.  UnitRefused."""
         unit = self._unit
         unit.begin(config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.role), self._deadline, self._stop)
-        return _around_unit(unit, rig.data) if self.lane is None else around_lane(unit, rig.data)
+        if self.lane is not None:
+            return around_lane(unit, rig.data)
+        if unit.role is Role.CONTROL_LAW:
+            return _around_law(unit, rig.data, rig.redundancy.own)
+        return _around_unit(unit, rig.data)
 
 
 def fly_rows(
@@ -117,13 +123,14 @@ class UnitVoter:
         trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
         unit.begin(config_of(scenario, redundancy, trim, unit.role))
         self._unit, self._rows, self._raw = unit, rows, _bytes(rows)
+        self._fill = fill_law if unit.role is Role.CONTROL_LAW else fill
 
     def step(self, rows: Block, k: int) -> int:
         """Write the unit's reply to row k of ``rows`` into it; return the groups of the layout that it filled."""
         if rows is not self._rows:
             self._rows, self._raw = rows, _bytes(rows)
         port, frame = self._unit.port, int(rows["frame"][k])
-        fill(self._raw, k, frame, port.out)
+        self._fill(self._raw, k, frame, port.out)
         self._unit.count_status(take(self._raw, k, port.back, self._unit.exchange(frame, k)))
         return int(port.back.records[FLOWN]["said"])
 
@@ -154,11 +161,34 @@ def _without_manager(data: StageData) -> _AroundUnit:
 
 def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     """Do what ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
+    frame = nested(new_block(2)), _bytes(new_block(2)), 0, _without_manager(data)
+    whole = bind(with_unit, *frame, unit.port, unit.compiled, 0)
+    last = bind(after_unit, *frame, unit.port.back, 0)
+    ours = bind(compute, frame[0], 0, data) if unit.unit.on_dead == "backup" else None
+    return _exchanging(unit, data, _without_manager, whole, last, ours)
+
+
+def _around_law(unit: UnitUnderTest, data: StageData, own: OwnManager | None) -> ComputerStep:
+    """Do the same with the unit in the place of our control law; own : the user's manager."""
+    backup = unit.unit.on_dead == "backup"
+    whole, last, around = stretches(own, data, unit.port, unit.compiled, backup)
+    return _exchanging(unit, data, around, whole, last, bind_computer(data, own) if backup else None)
+
+
+def _exchanging(
+    unit: UnitUnderTest,
+    data: StageData,
+    arrange: Callable[[StageData], Any],
+    whole: Callable[..., int],
+    last: Callable[..., int],
+    ours: ComputerStep | None,
+) -> ComputerStep:
+    """Exchange every frame with the unit: ``whole``, or ``last`` of it after Python; ``ours`` once it is to take over.
+
+    arrange : from StageData to the data of ``whole`` and ``last``
+    """
     port, compiled, paced = unit.port, unit.compiled, unit.paced
-    bound, around, raw, start = nested(new_block(2)), _without_manager(data), _bytes(new_block(2)), 0
-    whole = bind(with_unit, bound, raw, 0, around, port, compiled, 0)
-    last = bind(after_unit, bound, raw, 0, around, port.back, 0)
-    ours = bind(compute, bound, 0, data) if unit.unit.on_dead == "backup" else None
+    bound, around, raw, start = nested(new_block(2)), arrange(data), _bytes(new_block(2)), 0
     bound_data, exchange, replies, answered = data, unit.exchange, unit.replies, int(UnitStatus.ANSWERED)
 
     def step(block: Nested, k: int, data: StageData) -> float:
@@ -166,7 +196,7 @@ def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
         if block is not bound:  # a view is slow to make
             bound, raw, start = block, _bytes(block), int(block["frame"][0])
         if data is not bound_data:
-            bound_data, around = data, _without_manager(data)
+            bound_data, around = data, arrange(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = UnitStatus.DEAD

@@ -43,7 +43,7 @@ class FmuLink(SocketLink):
 
     def __init__(self, unit: Unit, folder: TemporaryDirectory[str], looks: int, unsaid: tuple[str, ...]) -> None:
         """Start the child.  BadInput."""
-        super().__init__(*links.hosted("fmu", Path(folder.name), unit.file.parent, looks))
+        super().__init__(*links.hosted("fmu", unit, Path(folder.name), unit.file.parent, looks))
         self._folder, self.unsaid = folder, unsaid
 
     def close(self) -> str:

@@ -307,7 +307,7 @@ class FmuHost(Host):
             self._channel.reply(REFUSED, message, str(reason))
 
 
-def load(folder: str, layouts: Sequence[int]) -> Any:
+def load(folder: str, layouts: Sequence[int], _: str) -> Any:
     """Load the FMU that was unpacked into ``folder``; fmu.py has compared its token.  Refused."""
     plan = json.loads(Path(folder, "rig-unit.json").read_text())
     return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan, layouts[0])

@@ -37,12 +37,11 @@ from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
 from rig.unit.transport import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import INTERFACE, Interface, Role
+from rig.unit.unit_records import INTERFACE, Interface, role_of, size_of
 
 _MOST_RESTARTS: Final = 10
 _MOST_LATE: Final = 1000  # messages that are read after the last frame
 _ANSWERED, _HELD, _DEAD = UnitStatus.ANSWERED.value, UnitStatus.HELD.value, UnitStatus.DEAD.value  # used in every frame
-_ROLES: Final = {"redundancy": Role.REDUNDANCY, "flight-computer": Role.FLIGHT_COMPUTER}
 _AFTER_RESTART_S: Final = 0.2  # in which an answer still shows that it has not restarted: its READY was old
 _NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
 _FOREVER: Final = float("inf")
@@ -61,7 +60,7 @@ class UnitUnderTest:
 
         crowded : other flights use the cores, so that neither side should poll for a message
         """
-        self.unit, self.role, self._patience = unit, _ROLES[unit.role], patience(crowded)
+        self.unit, self.role, self._patience = unit, role_of(unit.role), patience(crowded)
         self.lane: str | None = unit.lane  # of several computers
         self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
@@ -94,7 +93,7 @@ class UnitUnderTest:
         self.compiled = new_exchange(self.port, self._session, self._message, interface)
         self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
         out, back = self.port
-        self._sent = out.sent_bytes.data[: interface.input_bytes]
+        self._sent = out.sent_bytes.data[: size_of(out.sent.dtype, interface)]
         self._received = back.bytes[RECEIVED].data[: interface.known_bytes]
         self._connect()
 
@@ -228,7 +227,7 @@ class UnitUnderTest:
         code = int(state["code"])
         clear(self.compiled)
         if code:
-            raise UnitStopped(f"failed: rig_unit_step returned {code}")
+            raise UnitStopped(f"failed: {self.link.failure(code)}")
         return _ANSWERED
 
     @property

@@ -40,7 +40,7 @@ class Unit(Settings):
     keys_are_in: ClassVar[str] = "rig unit schema"
 
     name: str = Field(min_length=1, max_length=60)
-    role: Literal["redundancy", "flight-computer"] = "redundancy"
+    role: Literal["redundancy", "flight-computer", "control-law"] = "redundancy"
     transport: Literal["library", "udp", "fmu", "python"] = "library"
     path: str | None = None  # of a library or an FMU, from the folder of the unit file
     manager: str | None = None  # module:name, of the transport python
