@@ -84,7 +84,7 @@ def check(file: Path | str, *, interface_only: bool = False, longest: bool = Fal
     longest : long sessions of unit_long.MOST_FRAMES frames, not of unit_long.FRAMES
     """
     unit, cases = read_unit(file), load()
-    if unit.transport == "python":
+    if unit.is_manager:
         return Checked(unit.name, list(_of_class(unit, cases, interface_only)))
     requirements = list(_interface(unit, cases))
     if not interface_only and unit.role == "redundancy":

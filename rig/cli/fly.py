@@ -96,8 +96,8 @@ def fly(options: FlyOptions) -> None:
     class Told(MeasuredConclusion):
         """The same, with a line before a long flight on its disk space and time."""
 
-        def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-            super().begin(scenario, unit_lane)
+        def begin(self, scenario: Scenario, unit_lane: str | None = None, unit_votes: bool = True) -> None:
+            super().begin(scenario, unit_lane, unit_votes)
             if (takes := long_flight(scenario)) and not quiet:
                 echo(takes, err=True)
 

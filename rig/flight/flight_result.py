@@ -59,9 +59,9 @@ class Flight:
 
     @property
     def voter(self) -> str:
-        """The manager or unit that voted: ``manager cross-channel``, or ``unit NAME``."""
+        """The manager or unit that voted: ``manager cross-channel``, or ``unit NAME``; the law too, if it is a unit."""
         unit = self.unit or {}
-        return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
+        return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"), unit.get("role"))
 
     @property
     def notes(self) -> list[str]:

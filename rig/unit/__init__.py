@@ -9,6 +9,7 @@ processes.py the processes that the rig starts; guard.py their guard, which ends
 startup.py   start of a session; ready_message.py check of a READY
 session.py   configuration of a flight; counts of lost and late messages
 running_unit.py  all parts for one flight; compiled_exchange.py the usual frame in compiled code
+python_law.py  a control law in Python
 host.py      the child in which a library runs; exchange_llvm.py its frames, compiled
 fmu.py       an FMU: its link; fmu_description.py the records as its variables; fmu_mapping.py variables of other names
 fmu_host.py  the child process that steps the FMU

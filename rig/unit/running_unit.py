@@ -32,6 +32,7 @@ from rig.unit.compiled_exchange import (
 from rig.unit.host import Refused
 from rig.unit.news import News
 from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
+from rig.unit.python_law import PythonLaw
 from rig.unit.ready_message import UnitStopped, summed
 from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
@@ -198,7 +199,7 @@ class UnitUnderTest:
             )
         link, (state,) = self.link, self.compiled.state
         if isinstance(link, LibraryLink):
-            return self._call(state)
+            return self._call(link, state)
         sent, count, last = state["sent"], int(state["count"]), (int(state["frame"]), int(state["stepped"]))
         clear(self.compiled)
         self.replies.catch_up(*last)
@@ -220,14 +221,14 @@ class UnitUnderTest:
                 until = min(until, clock() + _AFTER_RESTART_S) if count else until
             count = 0
 
-    def _call(self, state: Any) -> int:
+    def _call(self, link: LibraryLink, state: Any) -> int:
         """Step a library of this process, unless ``try_exchange`` has; state : of the compiled exchange."""
         if not state["sent"]:
             self._try(self.port, self.compiled, 0)
         code = int(state["code"])
         clear(self.compiled)
         if code:
-            raise UnitStopped(f"failed: {self.link.failure(code)}")
+            raise UnitStopped(f"failed: {link.failure(code)}")
         return _ANSWERED
 
     @property
@@ -321,6 +322,8 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
 
 
 def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
+    if unit.law is not None:
+        return PythonLaw(unit)
     if unit.transport == "library":
         return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
     if unit.transport == "udp":

@@ -125,7 +125,7 @@ def hosted(kind: str, unit: Unit, path: Path, folder: Path, looks: int) -> tuple
         "text": TEXT_BYTES,
         **{f"input_{interface.version}": interface.input_bytes for interface in INTERFACES.values()},
         "message": MOST_BYTES,
-        **({"law_input": LAW_INPUT.itemsize} if unit.role == "control-law" else {}),
+        **({"law_input": LAW_INPUT.itemsize} if unit.replaces_law else {}),
     }
     arguments = [f"{name}={size}" for name, size in sizes.items()]
     blanks = (
@@ -223,7 +223,7 @@ class LibraryLink:
     def __init__(self, unit: Unit) -> None:
         """Load the library.  BadInput: no library, or not one of a unit."""
         try:
-            self._function = LAW if unit.role == "control-law" else STEP
+            self._function = LAW if unit.replaces_law else STEP
             self._library = Library(str(unit.file), [layout for _, layout in INTERFACES], self._function)
         except Refused as reason:
             raise BadInput(f"{unit.source}: {reason}") from None

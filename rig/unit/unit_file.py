@@ -44,6 +44,7 @@ class Unit(Settings):
     transport: Literal["library", "udp", "fmu", "python"] = "library"
     path: str | None = None  # of a library or an FMU, from the folder of the unit file
     manager: str | None = None  # module:name, of the transport python
+    law: str | None = None  # the same for the role control-law
     command: list[str] | None = Field(default=None, min_length=1)  # udp: started by the rig; {address} is the rig's own
     address: str | None = None  # udp: of a unit that runs already
     remote: bool = False  # an address that is not of this machine may be used
@@ -80,9 +81,12 @@ class Unit(Settings):
 
     @model_validator(mode="after")
     def _fits_its_transport(self) -> Unit:
-        needed = _NEEDS.get(self.transport)
+        needed = "law" if self.transport == "python" and self.replaces_law else _NEEDS.get(self.transport)
         if needed is not None and getattr(self, needed) is None:
             raise ValueError(f"{needed}: missing; the transport {self.transport} needs it")
+        for key in ("manager", "law"):
+            if getattr(self, key) is not None and key != needed:
+                raise ValueError(f"{key}: not with the transport {self.transport} and the role {self.role}")
         if self.transport == "udp" and (self.command is None) == (self.address is None):
             raise ValueError("transport udp: needs either command, which the rig starts, or address, of a running unit")
         if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
@@ -92,6 +96,16 @@ class Unit(Settings):
         if self.on_dead == "restart" and (self.address is not None or self.transport == "python" or not self.isolate):
             raise ValueError("on_dead: the rig can restart only a unit that it has started")
         return self
+
+    @property
+    def replaces_law(self) -> bool:
+        """True if the rig votes, and the unit commands the surfaces."""
+        return self.role == "control-law"
+
+    @property
+    def is_manager(self) -> bool:
+        """True for a manager class in Python, which flies as ``redundancy.manager``."""
+        return self.manager is not None
 
     @property
     def host_and_port(self) -> tuple[str, int]:
@@ -116,7 +130,10 @@ class Unit(Settings):
 
     @property
     def file(self) -> Path:
-        """The library, the FMU or the started program; an empty path for a box and a class."""
+        """The library, the FMU, the started program or the module of a law; an empty path for a box and a manager."""
+        if self.law is not None:
+            module = self.law.partition(":")[0].replace(".", "/")
+            return next(filter(is_file, (self._folder / f"{module}.py", Path(f"{module}.py"))), Path())
         if self.path is not None:
             return self._folder / self.path
         if self.command is None:
@@ -156,13 +173,16 @@ class Unit(Settings):
         return {**self.model_dump(exclude_none=True), "sha256": self.build()}
 
 
-def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
+def voter(manager: str, unit: str | None = None, lane: str | None = None, role: str | None = None) -> str:
     """Return the voter of a flight, as every command names it: the ``unit`` under test, or without one the manager.
 
-    lane : the lane that the unit replaced, if there are several computers
+    lane : the lane that the unit replaced, if there are several computers; role : of the unit, in its file
     """
+    what = "law" if role == "control-law" else "unit"
     if lane is not None:
-        return f"manager {manager}, unit {unit} as lane {lane}"
+        return f"manager {manager}, {what} {unit} as lane {lane}"
+    if unit is not None and role == "control-law":
+        return f"manager {manager}, law {unit}"
     return f"manager {manager}" if unit is None else f"unit {unit}"
 
 
@@ -174,7 +194,7 @@ def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
     if unit is None:
         return manager
     named = f"{unit['name']} {unit.get('sha256', '')[:_BUILD]}".rstrip()
-    return voter(manager, named, unit.get("lane"))
+    return voter(manager, named, unit.get("lane"), unit.get("role"))
 
 
 def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
@@ -186,7 +206,7 @@ def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
     if lane is not None and lane not in COMPUTERS:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
-    if unit.lane is not None and unit.transport == "python":
+    if unit.lane is not None and unit.is_manager:
         raise BadInput(f"{unit.source}: lane: a Python class replaces the manager, and cannot be one of several lanes")
     return unit
 

@@ -98,13 +98,15 @@ def score_log(
     times, answers = Times(), list[NDArray[Any]]()
     blocks, other = _gone_through(log, times, answers), _baseline(log, scenario, unit) if baseline else None
     try:
-        scored = score_blocks(scenario, blocks, other, yardstick, unit_facts.get("lane"))
+        scored = score_blocks(
+            scenario, blocks, other, yardstick, unit_facts.get("lane"), unit_facts.get("role") != "control-law"
+        )
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     concluded = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    voted_by = voter(scenario.redundancy.manager, unit_facts.get("name"), unit_facts.get("lane"))
+    voted_by = voter(scenario.redundancy.manager, *(unit_facts.get(key) for key in ("name", "lane", "role")))
     missed = misses(np.concatenate(answers)) if unit_facts.get("on_miss") == "fault" else []
     return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, concluded, voted_by)
 
@@ -138,9 +140,9 @@ class FlightConclusion:
         self._refused = "a flight is scored from its frame 0 on"
         self._baseline, self._truth = baseline, list[NDArray[Any]]()
 
-    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-        """Take the scenario as it is flown; unit_lane : of several computers, the one that a unit under test is."""
-        self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
+    def begin(self, scenario: Scenario, unit_lane: str | None = None, unit_votes: bool = True) -> None:
+        """Take the scenario as it is flown; unit_lane, unit_votes : as of FlightOutcome."""
+        self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane, unit_votes)
         own = unit_lane is not None or ":" in scenario.redundancy.manager
         self._baseline &= bool(scenario.faults) and not own and scenario.frames <= BASELINE_FRAMES
 

@@ -177,7 +177,7 @@ def _workers(unit: Unit | None, workers: int | None) -> int | None:
     """
     if unit is None:
         return workers
-    if unit.transport == "python":
+    if unit.is_manager:
         raise BadInput(f"{unit.source}: a campaign needs a class as --set redundancy.manager={unit.manager}")
     if unit.address is None:
         return workers

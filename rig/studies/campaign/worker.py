@@ -109,8 +109,8 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             baseline = fly_baseline(flight.scenario, unit=tested) if orders.baseline else None
-            lane = None if tested is None else tested.lane
-            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane)
+            lane, law = (None, False) if tested is None else (tested.lane, tested.unit.replaces_law)
+            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane, unit_votes=not law)
             asked = orders.requirements
             verdicts = check_rows(flight.table.rows, flight.scenario, asked, baseline, tested) if asked else ()
         found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}
