@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from test_unit_flight import _nothing_is_left_behind  # noqa: F401 # a fixture of this file, too
 from test_unit_fmu import fmu, needs_fmpy
-from unit_files import HERE, SOURCES, build, needs_a_compiler, udp, unit, written
+from unit_files import HERE, SOURCES, build, library, needs_a_compiler, udp, unit, written
 
 import rig
 from rig.bench.replay.verify import verify
@@ -481,3 +482,75 @@ def test_a_function_may_return_the_law_and_the_backup_take_over_from_one(tmp_pat
     flight = fly(tmp_path, in_python(tmp_path, "bad_laws:raise", on_dead="backup"))
     assert flight.unit is not None and flight.unit["dead_frame"] == 50 and flight.survived
     assert read_unit(tmp_path / "unit.toml").sha256() != ""
+
+
+# A second unit votes ------------------------------------------------------------------------------------------
+
+
+def with_voter(folder: Path, name: str = "pid", voter: dict[str, Any] | None = None, **keys: Any) -> Unit:
+    """A law beside which a unit votes: our monitor in C."""
+    lines = {"name": "votes", "path": str(library("monitor")), **(voter or {})}
+    (folder / "voter.toml").write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in lines.items()))
+    return unit(folder, name, **ROLE, voter="voter.toml", **keys)
+
+
+@needs_a_compiler
+def test_a_unit_may_vote_for_a_law_that_is_another_unit(tmp_path: Path):
+    alone, beside = fly(tmp_path, pid(tmp_path)), fly(tmp_path, with_voter(tmp_path))
+    assert beside.digest == alone.digest and beside.voter == "unit votes, law pid"
+    assert beside.unit is not None and beside.unit["voter"]["answered"] == beside.unit["answered"] == 200
+    with running(with_voter(tmp_path)) as again:
+        scored = score_log(beside.log, Yardstick(), unit=again)
+        assert scored.score.evidence.by_unit and scored.voter == beside.voter
+        assert verify(recorded(beside.log), unit=again).comparison.identical
+        assert verify(recorded(beside.log), fly=True, unit=again).comparison.identical
+    first = with_voter(tmp_path, voter={"path": str(library("first_valid"))})
+    assert fly(tmp_path, first).failed == {} and first.build() != with_voter(tmp_path).build()
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("then", ["end", "hold", "backup"])
+def test_a_dead_voter_beside_a_law_is_handled_as_its_own_file_names(tmp_path: Path, monkeypatch: Any, then: str):
+    monkeypatch.setenv("FAULT", "segv")
+    monkeypatch.setenv("FAULT_FRAME", "40")
+    tested = with_voter(tmp_path, voter={"path": str(library("faulty")), "on_dead": then})
+    if then == "end":
+        with pytest.raises(RigError, match=r"voter.toml: votes, frame 40: killed by signal 11"):
+            fly(tmp_path, tested)
+        return
+    flight = fly(tmp_path, tested)
+    rows = flight.rows
+    assert (rows["unit"][40:] == UnitStatus.DEAD).all() and (rows["unit"][:40] == UnitStatus.ANSWERED).all()
+    assert flight.unit is not None and flight.unit["answered"] == 200 and flight.unit["voter"]["dead_frame"] == 40
+    held = (rows["voted"][40:] == rows["voted"][39]).all()
+    assert held == (then == "hold") and flight.failed == ({} if held else {"pitch_rate": [3]})
+
+
+@needs_a_compiler
+def test_a_dead_law_leaves_the_votes_to_the_unit_beside_it(tmp_path: Path, monkeypatch: Any):
+    monkeypatch.setenv("FAULT", "segv")
+    monkeypatch.setenv("FAULT_FRAME", "40")
+    flight = fly(tmp_path, with_voter(tmp_path, "faulty", on_dead="backup"))
+    rows = flight.rows
+    assert flight.survived and flight.failed == {"pitch_rate": [3]}
+    assert (rows["law"][41:] == Law.AUTOPILOT).all() and flight.unit is not None
+    assert (flight.unit["dead_frame"], flight.unit["voter"]["answered"]) == (40, 200)
+
+
+@needs_a_compiler
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"role": "flight-computer"}, "voter.toml: must have the role redundancy, and no lane"),
+        ({"lane": "B"}, "voter.toml: must have the role redundancy, and no lane"),
+        ({"path": "missing.so"}, "voter.toml: path: missing.so: no such file"),
+        ({"transport": "python", "manager": "a:B"}, "a manager in Python votes as redundancy.manager"),
+    ],
+)
+def test_a_wrong_voter_is_one_line(tmp_path: Path, keys: dict[str, Any], said: str):
+    with pytest.raises(BadInput, match=said):
+        with_voter(tmp_path, voter=keys)
+    with pytest.raises(BadInput, match="voter: only of a control law that is no lane"):
+        unit(tmp_path, "median", voter="voter.toml")
+    with pytest.raises(BadInput, match=r"voter: none.toml: no such file"):
+        unit(tmp_path, "pid", **ROLE, voter="none.toml")

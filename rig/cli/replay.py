@@ -213,9 +213,7 @@ def _info(facts: dict[str, Any]) -> None:
 
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
-    who, _, name = voter(facts["manager"] or "unknown", *(facts[key] for key in ("unit", "lane", "role"))).partition(
-        " "
-    )
+    who, _, name = voter(facts["manager"] or "unknown", {**facts, "name": facts["unit"]}).partition(" ")
     field(who, name)
     if sets:
         left = len(sets) - MOST_OVERRIDES

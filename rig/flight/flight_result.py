@@ -60,8 +60,7 @@ class Flight:
     @property
     def voter(self) -> str:
         """The manager or unit that voted: ``manager cross-channel``, or ``unit NAME``; the law too, if it is a unit."""
-        unit = self.unit or {}
-        return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"), unit.get("role"))
+        return voter(self.scenario.redundancy.manager, self.unit)
 
     @property
     def notes(self) -> list[str]:

@@ -192,8 +192,7 @@ def _fly_and_record(
     rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
     assess = None
     if (outcome := to.outcome) is not None:
-        law = unit is not None and unit.unit.replaces_law
-        outcome.begin(scenario, None if unit is None else unit.lane, not law)
+        outcome.begin(scenario, *((None,) if unit is None else (unit.lane, unit.unit.votes)))
         assess = lambda flown: outcome.add(Table(flown.rows, flown.beside, clean=rig.faults.clean_of(flown.rows)))  # noqa: E731 # every block
     named, about = to.name or scenario.title or scenario.aircraft, {} if unit is None else unit.metadata()
     software = "" if unit is None else unit.unit.name

@@ -28,12 +28,13 @@ from rig.core.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Table, UnitSta
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, kernel
 from rig.flight import loop
-from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, bind_computer, compute
+from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, compute
 from rig.flight.pace import Pace
+from rig.flight.unit_exchange import Exchange, exchange_with
 from rig.flight.unit_lane import around_lane
-from rig.flight.unit_law import stretches
+from rig.flight.unit_law import around_law
 from rig.scenario.scenario import Scenario
-from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
+from rig.unit.compiled_exchange import PENDING, try_exchange
 from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fill_law, fly_trim, take
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.session import configuration
@@ -59,6 +60,9 @@ class UnitComputer:
         if self.lane is not None:
             return around_lane(unit, rig.data)
         if unit.role is Role.CONTROL_LAW:
+            if unit.voter is not None:
+                config = config_of(rig.scenario, rig.redundancy, rig.plant.trim, unit.voter.role)
+                unit.voter.begin(config, self._deadline, self._stop)
             return _around_law(unit, rig.data, rig.redundancy.own)
         return _around_unit(unit, rig.data)
 
@@ -165,31 +169,28 @@ def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     whole = bind(with_unit, *frame, unit.port, unit.compiled, 0)
     last = bind(after_unit, *frame, unit.port.back, 0)
     ours = bind(compute, frame[0], 0, data) if unit.unit.on_dead == "backup" else None
-    return _exchanging(unit, data, _without_manager, whole, last, ours)
+    return _exchanging(unit, data, _without_manager, exchange_with(unit, whole, last), ours)
 
 
 def _around_law(unit: UnitUnderTest, data: StageData, own: OwnManager | None) -> ComputerStep:
     """Do the same with the unit in the place of our control law; own : the user's manager."""
-    backup = unit.unit.on_dead == "backup"
-    whole, last, around = stretches(own, data, unit.port, unit.compiled, backup)
-    return _exchanging(unit, data, around, whole, last, bind_computer(data, own) if backup else None)
+    exchange, around, ours = around_law(unit, data, own)
+    return _exchanging(unit, data, around, exchange, ours)
 
 
 def _exchanging(
     unit: UnitUnderTest,
     data: StageData,
     arrange: Callable[[StageData], Any],
-    whole: Callable[..., int],
-    last: Callable[..., int],
+    exchange: Exchange,
     ours: ComputerStep | None,
 ) -> ComputerStep:
-    """Exchange every frame with the unit: ``whole``, or ``last`` of it after Python; ``ours`` once it is to take over.
+    """Compute every frame by an exchange with the unit, or by ``ours`` once it is to take over.
 
-    arrange : from StageData to the data of ``whole`` and ``last``
+    arrange : from StageData to the data of the exchange
     """
-    port, compiled, paced = unit.port, unit.compiled, unit.paced
     bound, around, raw, start = nested(new_block(2)), arrange(data), _bytes(new_block(2)), 0
-    bound_data, exchange, replies, answered = data, unit.exchange, unit.replies, int(UnitStatus.ANSWERED)
+    bound_data = data
 
     def step(block: Nested, k: int, data: StageData) -> float:
         nonlocal bound, raw, start, bound_data, around
@@ -200,14 +201,8 @@ def _exchanging(
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = UnitStatus.DEAD
-            return unit.reply_us
-        usual = not (replies.run or unit.dead)
-        until_ns = (unit.until_ns(start + k) if paced else FOREVER_NS) if usual else 0
-        status = whole(block, raw, k, around, port, compiled, until_ns)
-        if status == PENDING:
-            status = last(block, raw, k, around, port.back, exchange(start + k, k))
-        if status != answered or replies.run:
-            unit.count_status(status)
+        else:
+            exchange(block, raw, k, around, start + k)
         return unit.reply_us
 
     return step

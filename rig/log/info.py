@@ -55,6 +55,7 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "unit": unit_of(metadata).get("name"),
         "lane": unit_of(metadata).get("lane"),
         "role": unit_of(metadata).get("role"),
+        "voter": unit_of(metadata).get("voter"),
         "overrides": overrides(log.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
         "rate_hz": log.rate_hz,

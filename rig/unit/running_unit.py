@@ -17,8 +17,6 @@ from rig.core.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.core.frame import UnitStatus
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind
-from rig.unit import fmu
-from rig.unit import transport as links
 from rig.unit.compiled_exchange import (
     FOREVER_NS,
     CompiledExchange,
@@ -32,7 +30,7 @@ from rig.unit.compiled_exchange import (
 from rig.unit.host import Refused
 from rig.unit.news import News
 from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
-from rig.unit.python_law import PythonLaw
+from rig.unit.reach import reach
 from rig.unit.ready_message import UnitStopped, summed
 from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
@@ -67,7 +65,13 @@ class UnitUnderTest:
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
-        self.link: SocketLink | LibraryLink = _reach(unit, self._patience.looks)  # another one after a restart
+        self.voter = None if unit.beside is None else UnitUnderTest(unit.beside, crowded)  # for a control law
+        try:
+            self.link: SocketLink | LibraryLink = reach(unit, self._patience.looks)  # another one after a restart
+        except BaseException:
+            if self.voter is not None:
+                self.voter.close()
+            raise
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
 
@@ -120,6 +124,8 @@ class UnitUnderTest:
 
     def end(self) -> None:
         """End the session.  RigError: a library in this process has changed its floating-point rounding."""
+        if self.voter is not None and self.voter._begun:
+            self.voter.end()
         if not isinstance(self.link, LibraryLink):
             self._count_late(self.link)
             end_session(self.link, self._session)
@@ -140,6 +146,9 @@ class UnitUnderTest:
 
     def close(self) -> None:
         """End the unit and all its processes; append a fault of its end to its output."""
+        if self.voter is not None:
+            self.voter.close()
+            self.printed += self.voter.printed
         process = self.link.process
         self.end_wrong = self.link.close()
         if process is not None:
@@ -161,7 +170,7 @@ class UnitUnderTest:
     @property
     def reply_us(self) -> float:
         """Reply time of the last frame: from sending it, or of the library's call."""
-        return self._took_ns[0] * 1e-3
+        return self._took_ns[0] * 1e-3 + (0.0 if self.voter is None else self.voter.reply_us)
 
     def until_ns(self, frame: int) -> int:
         """Return the end of the wait for the answer to ``frame``, by ``clock``; not for the first frame of a flight."""
@@ -273,7 +282,7 @@ class UnitUnderTest:
         """Start a new process with CONFIG and the present frame; the unit has lost its latches."""
         self.close()
         self.replies.counts.restarts += 1
-        self.link = _reach(self.unit, self._patience.looks)
+        self.link = reach(self.unit, self._patience.looks)
         self.replies.begin_again()
         if self._open() != self.replies.interface:
             raise UnitStopped("has another version of the records")
@@ -300,7 +309,11 @@ class UnitUnderTest:
         counts = self.replies.counts
         counts.answered, counts.not_finite = map(int, self.port.back.counts[[ACCEPTED, NOT_FINITE]])
         of_itself = self.news.result()
-        return {"said": self.said, **asdict(counts), **of_itself, "reproducible": counts.reproducible}
+        found = {"said": self.said, **asdict(counts), **of_itself, "reproducible": counts.reproducible}
+        if self.voter is not None:
+            found["voter"] = {"name": self.voter.unit.name, **self.voter.result()}
+            found["reproducible"] &= found["voter"]["reproducible"]
+        return found
 
 
 @overload
@@ -319,15 +332,3 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
     finally:
         if tested is not None:
             tested.close()
-
-
-def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
-    if unit.law is not None:
-        return PythonLaw(unit)
-    if unit.transport == "library":
-        return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
-    if unit.transport == "udp":
-        return links.udp(unit, looks)
-    if unit.transport == "fmu":
-        return fmu.child(unit, looks)
-    raise BadInput(f"{unit.source}: transport {unit.transport} cannot be flown here")

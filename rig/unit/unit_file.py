@@ -45,6 +45,7 @@ class Unit(Settings):
     path: str | None = None  # of a library or an FMU, from the folder of the unit file
     manager: str | None = None  # module:name, of the transport python
     law: str | None = None  # the same for the role control-law
+    voter: str | None = None  # of a control law: the unit file that votes for it, from the folder of this one
     command: list[str] | None = Field(default=None, min_length=1)  # udp: started by the rig; {address} is the rig's own
     address: str | None = None  # udp: of a unit that runs already
     remote: bool = False  # an address that is not of this machine may be used
@@ -61,6 +62,7 @@ class Unit(Settings):
     reuse: bool = True  # a campaign flies one session after the other with the same process
     _folder: Path = PrivateAttr(default=Path())  # of the unit file
     _source: str = PrivateAttr(default="")  # the unit file as it was named
+    _voter: Unit | None = PrivateAttr(default=None)  # of ``voter``
 
     @field_validator("path", "command")
     @classmethod
@@ -87,6 +89,8 @@ class Unit(Settings):
         for key in ("manager", "law"):
             if getattr(self, key) is not None and key != needed:
                 raise ValueError(f"{key}: not with the transport {self.transport} and the role {self.role}")
+        if self.voter is not None and (self.role != "control-law" or self.lane is not None):
+            raise ValueError("voter: only of a control law that is no lane")
         if self.transport == "udp" and (self.command is None) == (self.address is None):
             raise ValueError("transport udp: needs either command, which the rig starts, or address, of a running unit")
         if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
@@ -101,6 +105,16 @@ class Unit(Settings):
     def replaces_law(self) -> bool:
         """True if the rig votes, and the unit commands the surfaces."""
         return self.role == "control-law"
+
+    @property
+    def beside(self) -> Unit | None:
+        """The unit that votes for a control law."""
+        return self._voter
+
+    @property
+    def votes(self) -> bool:
+        """True if the unit, or the one beside it, replaces the manager."""
+        return not self.replaces_law or self.voter is not None
 
     @property
     def is_manager(self) -> bool:
@@ -156,6 +170,10 @@ class Unit(Settings):
 
         Other files of the machine, such as an interpreter, are not included.
         """
+        if self._voter is not None:
+            both = self.model_copy(update={"voter": None}), self._voter
+            both[0]._voter = None
+            return hashlib.sha256("".join(unit.build() for unit in both).encode()).hexdigest()
         beside = [word for word in (self.command or [])[1:] if is_file(self._folder / word)]
         if not beside:
             return self.sha256()
@@ -166,24 +184,36 @@ class Unit(Settings):
 
     def about(self) -> dict[str, Any]:
         """Return the settings for a log."""
-        return {**self.model_dump(exclude_none=True), "sha256": self.sha256()}
+        return {**self.settings(), "sha256": self.sha256()}
+
+    def settings(self, of_voter: str = "about") -> dict[str, Any]:
+        """Return the settings, with what a method of the voter returns."""
+        voter = {} if self._voter is None else {"voter": getattr(self._voter, of_voter)()}
+        return {**self.model_dump(exclude_none=True), **voter}
 
     def identity(self) -> dict[str, Any]:
         """Return the settings and the build, which decide the flights of a campaign.  BadInput."""
-        return {**self.model_dump(exclude_none=True), "sha256": self.build()}
+        return {**self.settings("identity"), "sha256": self.build()}
 
 
-def voter(manager: str, unit: str | None = None, lane: str | None = None, role: str | None = None) -> str:
-    """Return the voter of a flight, as every command names it: the ``unit`` under test, or without one the manager.
+def voter(manager: str, unit: Mapping[str, Any] | None = None) -> str:
+    """Return the voter of a flight, as every command names it: the unit under test, or without one the manager.
 
-    lane : the lane that the unit replaced, if there are several computers; role : of the unit, in its file
+    unit : ``name``, ``role`` and ``lane`` of its settings, and those of its ``voter``
     """
-    what = "law" if role == "control-law" else "unit"
-    if lane is not None:
-        return f"manager {manager}, {what} {unit} as lane {lane}"
-    if unit is not None and role == "control-law":
-        return f"manager {manager}, law {unit}"
-    return f"manager {manager}" if unit is None else f"unit {unit}"
+    if not unit or unit.get("name") is None:
+        return f"manager {manager}"
+    named = f"{'law' if unit.get('role') == 'control-law' else 'unit'} {unit['name']}"
+    if unit.get("lane") is not None:
+        return f"manager {manager}, {named} as lane {unit['lane']}"
+    if unit.get("role") != "control-law":
+        return named
+    return f"{voter(manager, unit.get('voter'))}, {named}"
+
+
+def votes(unit: Mapping[str, Any]) -> bool:
+    """Return True if a unit, by its settings in a log, replaces the manager."""
+    return unit.get("role") != "control-law" or unit.get("voter") is not None
 
 
 def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
@@ -193,8 +223,7 @@ def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
     """
     if unit is None:
         return manager
-    named = f"{unit['name']} {unit.get('sha256', '')[:_BUILD]}".rstrip()
-    return voter(manager, named, unit.get("lane"), unit.get("role"))
+    return voter(manager, {**unit, "name": f"{unit['name']} {unit.get('sha256', '')[:_BUILD]}".rstrip()})
 
 
 def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
@@ -206,6 +235,8 @@ def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
     if lane is not None and lane not in COMPUTERS:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
+    if unit.lane is not None and unit.voter is not None:
+        raise BadInput(f"{unit.source}: voter: only of a control law that is no lane")
     if unit.lane is not None and unit.is_manager:
         raise BadInput(f"{unit.source}: lane: a Python class replaces the manager, and cannot be one of several lanes")
     return unit
@@ -219,4 +250,19 @@ def read_unit(path: Path | str) -> Unit:
     if unit.path is not None and not is_file(unit.file):
         what = f"is a folder, must be {_IS[unit.transport]}" if is_folder(unit.file) else "no such file"
         raise BadInput(f"{path}: path: {unit.path}: {what}")
+    if unit.voter is not None:
+        unit._voter = _read_voter(unit, path)
     return unit
+
+
+def _read_voter(unit: Unit, path: Path) -> Unit:
+    """Read the unit that votes for a control law.  BadInput."""
+    where = f"{path}: voter: {unit.voter}"
+    if not is_file(unit.folder / str(unit.voter)):
+        raise BadInput(f"{where}: no such file")
+    voter = read_unit(unit.folder / str(unit.voter))
+    if voter.role != "redundancy" or voter.lane is not None:
+        raise BadInput(f"{where}: must have the role redundancy, and no lane")
+    if voter.is_manager:
+        raise BadInput(f"{where}: a manager in Python votes as redundancy.manager, without a unit file")
+    return voter

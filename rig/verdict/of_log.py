@@ -23,7 +23,7 @@ from rig.log import Log, LogFile, scenario_of, unit_of
 from rig.scenario.pressed_keys import pressed
 from rig.scenario.scenario import Scenario, from_resolved
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_file import voter
+from rig.unit.unit_file import voter, votes
 from rig.verdict.conclusion import conclusion, not_scored
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.score_records import Score, Yardstick
@@ -98,15 +98,13 @@ def score_log(
     times, answers = Times(), list[NDArray[Any]]()
     blocks, other = _gone_through(log, times, answers), _baseline(log, scenario, unit) if baseline else None
     try:
-        scored = score_blocks(
-            scenario, blocks, other, yardstick, unit_facts.get("lane"), unit_facts.get("role") != "control-law"
-        )
+        scored = score_blocks(scenario, blocks, other, yardstick, unit_facts.get("lane"), votes(unit_facts))
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     concluded = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    voted_by = voter(scenario.redundancy.manager, *(unit_facts.get(key) for key in ("name", "lane", "role")))
+    voted_by = voter(scenario.redundancy.manager, unit_facts)
     missed = misses(np.concatenate(answers)) if unit_facts.get("on_miss") == "fault" else []
     return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, concluded, voted_by)
 

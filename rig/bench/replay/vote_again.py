@@ -42,6 +42,7 @@ class VoteAgain:
     def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
         self._scenario, self._unit, self._stage = scenario, unit, loop.redundancy(scenario)
         self._voter: UnitVoter | None = None
+        self._law: UnitVoter | None = None
         self._is_law = unit is not None and unit.role is Role.CONTROL_LAW
         self._on_references = [i for i, fault in enumerate(scenario.faults) if "reference" in places_of(fault)]
         flown = scenario if self._on_references else scenario.model_copy(update={"faults": []})
@@ -58,23 +59,18 @@ class VoteAgain:
         run(nested(again), replace(self._stages, faults=self._faults.data), flown, self._decide(again))
         write_sources(nested(again))
         if self._unit is not None and self._is_law:
-            law = self._begun(self._unit, again)
+            self._law = self._law or UnitVoter(self._unit, self._scenario, self._stage, again)
             for k in range(len(again)):
-                law.step(again, k)
+                self._law.step(again, k)
         return again
 
     def _decide(self, again: Block) -> Decide | None:
         """Return the voter in place of the manager: a unit, a user's class, or None."""
-        if self._unit is None or self._is_law:
+        unit = self._unit if self._unit is None or not self._is_law else self._unit.voter
+        if unit is None:
             return None if self._stage.own is None else by_class(self._stage.own, again, nested(again))
-        voter = self._begun(self._unit, again)
+        voter = self._voter = self._voter or UnitVoter(unit, self._scenario, self._stage, again)
         return lambda _, k: voter.step(again, k)
-
-    def _begun(self, unit: UnitUnderTest, again: Block) -> UnitVoter:
-        """Return the unit, whose session begins with the first rows."""
-        if self._voter is None:
-            self._voter = UnitVoter(unit, self._scenario, self._stage, again)
-        return self._voter
 
 
 def outputs(unit: UnitUnderTest | None) -> tuple[str, ...]:

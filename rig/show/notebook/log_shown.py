@@ -37,7 +37,7 @@ def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), pa
     """Return an HTML table: scenario, verdict, failed channels, conclusion, digest."""
     scenario = _scenario(log)
     manager, unit = scenario.get("redundancy", {}).get("manager", ""), unit_of(log.metadata)
-    voted = voter(manager, unit.get("name"), unit.get("lane"), unit.get("role")) if manager else ""
+    voted = voter(manager, unit) if manager else ""
     flown = (f"seed {scenario.get('seed', '')}", voted, *overrides)
     cells = [
         ("scenario", f"{scenario.get('title') or scenario.get('aircraft', '')}, {', '.join(filter(None, flown))}"),

@@ -70,7 +70,7 @@ class Orders:
 
     def voter(self, manager: str) -> str:
         """Return the voter of flights with this manager: the manager, or the unit under test and its build."""
-        return voted_by(manager, None if self.unit is None else {**self.unit.model_dump(), "sha256": self.unit_build})
+        return voted_by(manager, None if self.unit is None else {**self.unit.settings(), "sha256": self.unit_build})
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
@@ -109,8 +109,8 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             baseline = fly_baseline(flight.scenario, unit=tested) if orders.baseline else None
-            lane, law = (None, False) if tested is None else (tested.lane, tested.unit.replaces_law)
-            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane, unit_votes=not law)
+            lane, by_unit = (None, True) if tested is None else (tested.lane, tested.unit.votes)
+            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane, unit_votes=by_unit)
             asked = orders.requirements
             verdicts = check_rows(flight.table.rows, flight.scenario, asked, baseline, tested) if asked else ()
         found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}
