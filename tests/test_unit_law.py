@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from test_unit_flight import _nothing_is_left_behind  # noqa: F401 # a fixture of this file, too
 from test_unit_fmu import fmu, needs_fmpy
-from unit_files import HERE, SOURCES, build, library, needs_a_compiler, udp, unit, written
+from unit_files import HERE, SOURCES, build, library, needs_a_compiler, of_sources, udp, unit, written
 
 import rig
 from rig.bench.replay.verify import verify
@@ -554,3 +554,35 @@ def test_a_wrong_voter_is_one_line(tmp_path: Path, keys: dict[str, Any], said: s
         unit(tmp_path, "median", voter="voter.toml")
     with pytest.raises(BadInput, match=r"voter: none.toml: no such file"):
         unit(tmp_path, "pid", **ROLE, voter="none.toml")
+
+
+# Start --------------------------------------------------------------------------------------------------------
+
+STARTING = """
+#include <string.h>
+#include "rig_unit.h"
+static double trim[4];
+int rig_unit_open(const struct rig_config *config) { memcpy(trim, config->trim_surface, sizeof trim); return 0; }
+int rig_unit_law(const struct rig_law_input *in, struct rig_output *out)
+{
+    memcpy(out->surface, trim, sizeof trim);
+    out->surface[RIG_SURFACE_RUDDER_RAD] += 1e-3;
+    out->said = RIG_SAID_SURFACE;
+    out->status = in->frame < 50 ? RIG_STATUS_POWER_UP : RIG_STATUS_READY;
+    return 0;
+}
+void rig_unit_close(void) { }
+"""
+
+
+@needs_a_compiler
+def test_a_law_that_starts_up_flies_trim_until_it_is_ready(tmp_path: Path):
+    (tmp_path / "starting.c").write_text(STARTING)
+    made = of_sources("libstarting.so", [tmp_path / "starting.c"])
+    flight = fly(tmp_path, written(tmp_path, {"name": "u", "path": str(made), **ROLE}))
+    surface, rudder = flight.rows["surface"], SURFACES.index("rudder_rad")
+    assert (surface[:50] == surface[0]).all() and surface[50, rudder] == surface[49, rudder] + 1e-3
+    assert [event.text for event in flight.events if event.name == "unit status"] == ["power-up", "power-up to ready"]
+    late = written(tmp_path, {"name": "u", "path": str(made), "start_s": 0.2, **ROLE})
+    with pytest.raises(RigError, match=r"is in power-up after start_s = 0.2 s"):
+        fly(tmp_path, late)

@@ -41,7 +41,7 @@ class Pid:
         )
         self.pitch, self.roll = Axis(2.0, 0.5, 1.4), Axis(2.0, 0.4, 1.2)
         self.measured = [0.0] * 16
-        self.alpha_trim = self.yaw_rate_slow = None
+        self.begun, self.alpha_trim, self.yaw_rate_slow = False, 0.0, 0.0
 
     def read(self, asked):
         """Take the vote of every signal; its reference when no channel is left; else the last value."""
@@ -62,8 +62,8 @@ class Pid:
     def step(self, asked):
         """Return elevator, aileron, rudder and throttle from one frame, rig_law_input of the reference page."""
         m, command = self.read(asked), asked["autopilot_command"].tolist()
-        if self.alpha_trim is None:
-            self.alpha_trim, self.yaw_rate_slow = m[sig.ALPHA], m[sig.R]
+        if not self.begun:
+            self.begun, self.alpha_trim, self.yaw_rate_slow = True, m[sig.ALPHA], m[sig.R]
         soft = REFERENCE_PRESSURE / max(m[sig.Q_BAR], LEAST_PRESSURE)
         pitch = self.pitch.error(m[sig.THETA], command[PITCH])
         roll = self.roll.error(m[sig.PHI], command[ROLL])
