@@ -8,8 +8,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import polars as pl
 import pytest
-from unit_files import library, needs_a_compiler, unit, written
+from unit_files import SOURCES, library, needs_a_compiler, unit, written
 
 from rig.core.errors import BadInput
 from rig.core.trust import Trust
@@ -18,7 +19,7 @@ from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.folder import Folder, open_folder
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.run_campaign import Progress, Result, again, orders_of, run
-from rig.unit.unit_file import Unit
+from rig.unit.unit_file import Unit, read_unit
 
 pytestmark = needs_a_compiler
 CAMPAIGN = """
@@ -184,3 +185,29 @@ def test_a_box_is_one_worker(tmp_path: Path):
     with pytest.raises(BadInput, match=r"--workers 2: must be 1; the unit at 127\.0\.0\.1:9"):
         fly(tmp_path, box, "out", workers=2)
     assert fly(tmp_path, box, "out", runs=1).outcomes == {"unit refused": 1}
+
+
+def test_a_control_law_flies_behind_the_managers_of_a_campaign(tmp_path: Path):
+    """Each manager votes and is named with the law; a law in Python flies the same, and another text is refused."""
+    vary = '"redundancy.manager" = ["cross-channel", "mean"]\n"faults.0.signal"'
+    library_of = unit(tmp_path, "pid", role="control-law")
+    tables = []
+    (tmp_path / "python").mkdir()
+    for name in ("pid.py", "pid_python.toml"):
+        shutil.copy(SOURCES / name, tmp_path / "python")
+    in_python = read_unit(tmp_path / "python" / "pid_python.toml")
+    for out, tested in (("c", library_of), ("python", in_python)):
+        path = tmp_path / "campaign.toml"
+        path.write_text(CAMPAIGN.replace('"faults.0.signal"', vary))
+        done = run(Plan(read(path), str(path), Trust(str(path))), tmp_path / f"{out}_campaign", unit=tested)
+        assert done.outcomes == {"flown": 12}
+        runs = open_folder(done.out).tables["runs"].sort("run")
+        tables.append(runs["digest"].to_list())
+        named = f"law {tested.name} {tested.build()[:12]}"
+        assert set(runs["manager"].unique()) == {f"manager {one}, {named}" for one in ("cross-channel", "mean")}
+        assert set(runs.filter(pl.col("manager").str.contains("mean"))["detected"]) == {0}
+        assert set(runs.filter(pl.col("manager").str.contains("cross"))["detected"]) == {1}
+    assert tables[0] == tables[1]
+    (tmp_path / "python" / "pid.py").write_text((SOURCES / "pid.py").read_text() + "\n")
+    with pytest.raises(BadInput, match="unit"):
+        run(Plan(read(path), str(path), Trust(str(path))), tmp_path / "python_campaign", unit=in_python)

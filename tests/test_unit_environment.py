@@ -15,7 +15,8 @@ from unit_files import HERE, build, compiled, needs_a_compiler, udp, unit, writt
 import rig
 from rig.core.errors import BadInput
 from rig.unit.environment import kept
-from rig.unit.unit_file import Unit, read_unit, what_it_reads
+from rig.unit.unit_facts import what_it_reads
+from rig.unit.unit_file import Unit, read_unit
 
 SHORT = ("duration_s=0.3", "faults=[]")
 SET = "runs in the process of the rig; variables need a process that the rig starts for it"

@@ -12,7 +12,8 @@ from unit_files import needs_a_compiler, unit, written
 
 import rig
 from rig.core.errors import BadInput, RigError
-from rig.unit.unit_file import Unit, differences, read_unit, what_it_reads
+from rig.unit.unit_facts import differences, what_it_reads
+from rig.unit.unit_file import Unit, read_unit
 
 SHORT = ("duration_s=0.3", "faults=[]")
 

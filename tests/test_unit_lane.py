@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from unit_files import faulty, needs_a_compiler, udp, unit
+from unit_files import HERE, faulty, needs_a_compiler, udp, unit, written
 
 import rig
 from rig.bench.replay.verify import verify
 from rig.core.errors import BadInput
-from rig.core.frame import COMPUTERS, Health, LaneTest, Law, State, UnitStatus
+from rig.core.frame import COMPUTERS, Health, LaneTest, Law, State, UnitStatus, sig
 from rig.log.info import info
 from rig.log.recordings.flown_log import recorded
 from rig.studies.campaign.flying import fly as fly_in_memory
@@ -174,3 +174,34 @@ def test_a_lane_without_a_unit_and_a_class_as_a_lane_are_refused(tmp_path: Path)
         fly(tmp_path, None, "B")
     with pytest.raises(BadInput, match="a Python class replaces the manager"):
         as_lane(Unit(name="mine", transport="python", manager="mine:Mine"), "B")
+
+
+# A control law ------------------------------------------------------------------------------------------------
+
+
+def test_a_law_that_is_our_own_in_one_lane_flies_the_bits_of_four_of_ours(tmp_path: Path, monkeypatch):
+    """It tells no integrators, so they are not averaged here."""
+    monkeypatch.syspath_prepend(HERE)
+    import built_in_law  # pyright: ignore[reportMissingImports] # from that folder
+
+    keys = {"computers": {"count": 4, "equalise": False}, "faults": [HARDOVER]}
+    ours = fly(tmp_path, **keys)
+    built_in_law.flown[:] = [ours.scenario]
+    law = {"name": "law", "role": "control-law", "transport": "python", "law": "built_in_law:BuiltIn"}
+    theirs = fly(tmp_path, written(tmp_path, law), "B", **keys)
+    assert differing(theirs, ours) == {"unit", "integral"}
+    assert theirs.voter == "manager cross-channel, law law as lane B"
+
+
+def test_a_law_that_dies_in_its_lane_is_failed_and_three_fly_on(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("FAULT", "segv")
+    flight = fly(tmp_path, unit(tmp_path, "faulty", role="control-law", on_dead="hold"), "B")
+    assert flight.survived and set(flight.lanes_failed) == {"B"} and not flight.failed
+
+
+def test_a_law_that_commands_other_surfaces_is_outvoted_with_the_votes_of_its_lane(tmp_path: Path):
+    flight = fly(tmp_path, unit(tmp_path, "pid", role="control-law"), "B", faults=[HARDOVER])
+    lanes = lanes_of(flight)
+    assert flight.survived and flight.failed == {"pitch_rate": [1]}
+    assert (lanes["state"][-1, B, sig.Q] == lanes["state"][-1, 0, sig.Q]).all()
+    assert np.array_equal(lanes["voted"][:, B], lanes["voted"][:, 0])

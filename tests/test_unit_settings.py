@@ -12,6 +12,7 @@ from rig.unit.unit_file import read_unit
 LIBRARY = 'name = "u"\npath = "u.so"\n'
 NO_PROGRAM = "no program listens at 127.0.0.1:9 (port unreachable)"
 ONLY_STARTED = "on_dead: the rig can restart only a unit that it has started"
+LAW = 'name = "u"\ntransport = "python"\nrole = "control-law"\n'
 UDP = 'name = "u"\ntransport = "udp"\n'
 WRONG = {
     LIBRARY + 'on_miss = "wait"\n': "on_miss: must be 'hold', 'fault' or 'end'",
@@ -29,6 +30,12 @@ WRONG = {
     UDP + 'address = "127.0.0.1:5600"\non_dead = "restart"\n': ONLY_STARTED,
     LIBRARY + 'isolate = false\non_dead = "restart"\n': ONLY_STARTED,
     'name = "u"\ntransport = "python"\n': "manager: missing; the transport python needs it",
+    LAW: "law: missing; the transport python needs it",
+    LAW + 'law = "a:B"\nmanager = "a:B"\n': "manager: not with the transport python and the role control-law",
+    LIBRARY + 'role = "control-law"\nlaw = "a:B"\n': "law: not with the transport library and the role control-law",
+    'name = "u"\ntransport = "python"\nmanager = "a:B"\nlaw = "a:B"\n': "law: not with the transport python and the",
+    LAW + 'law = "a:B"\non_dead = "restart"\n': ONLY_STARTED,
+    LIBRARY + 'role = "law"\n': "role: must be 'redundancy', 'flight-computer' or 'control-law', got 'law'",
 }
 
 

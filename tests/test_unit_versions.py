@@ -41,10 +41,19 @@ from rig.unit.vectors import load
 
 FOLDER = KEPT / f"{LAYOUT:016x}-versions"
 SHORT = ("duration_s=2", "faults.0.start_s=1")
-VERSIONS = [1, 2]
+VERSIONS = [1, 2, 3]
 OLD = {interface.version: interface for interface in OLD_INTERFACES}
 RECORDS = {"config": CONFIG, "input": INPUT, "output": OUTPUT}
-OFF = {1: ("slow_faults_off.c", "rules_off.c"), 2: ("slow_faults.c", "rules_off.c")}  # what CONFIG has none of is off
+OFF = {  # what CONFIG has none of is off
+    **{1: ("slow_faults_off.c", "rules_off.c"), 2: ("slow_faults.c", "rules_off.c")},
+    3: ("slow_faults.c", "rules.c"),
+}
+# What the examples of now need of a header that has no control law.
+NO_LAW = """
+#define rig_law_input rig_input
+#define RIG_ROLE_CONTROL_LAW (-1)
+int rig_unit_law(const struct rig_input *input, struct rig_output *output);
+"""
 
 
 def test_the_layouts_of_older_versions_are_those_that_units_were_built_with():
@@ -52,10 +61,11 @@ def test_the_layouts_of_older_versions_are_those_that_units_were_built_with():
     assert {version: interface.layout for version, interface in OLD.items()} == {
         1: 0xBAEC0C917FEBB05E,
         2: 0x4D75E2CCA0F8866C,
+        3: 0x0A5A1850E6B4B34B,
     }
     for version in VERSIONS:
         assert f"RIG_UNIT_LAYOUT UINT64_C(0x{OLD[version].layout:016x})" in header_of(version)
-    assert len({described(version) for version in (1, 2, 3)}) == 3 and INTERFACE.layout == LAYOUT
+    assert len({described(version) for version in (1, 2, 3, 4)}) == 4 and INTERFACE.layout == LAYOUT
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -81,7 +91,9 @@ def sources(version: int, *names: str) -> list[Path]:
     """Examples beside the header of a version."""
     folder = FOLDER / str(version)
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copy(HERE / f"rig_unit_{version}.h", folder / "rig_unit.h")
+    (folder / "rig_unit.h").write_text(
+        header_of(version).replace("#ifdef __cplusplus\n}", f"{NO_LAW}#ifdef __cplusplus\n}}")
+    )
     for name in ("fmu.h", "monitor.h", *names):
         shutil.copy(HERE / name if name.endswith("_off.c") else SOURCES / name, folder)
     return [folder / name for name in names]
@@ -186,7 +198,7 @@ def configured(*overrides: str) -> NDArray[Any]:
 @pytest.mark.parametrize("key", [*SLOW_FAULTS, *RULES])
 def test_a_setting_that_is_on_is_refused_by_name_where_the_version_has_no_field(version: int, key: str):
     config = configured(*(SLOW_FAULTS | RULES)[key])
-    refused = "" if key in SLOW_FAULTS and version > 1 else key
+    refused = "" if version > (1 if key in SLOW_FAULTS else 2) else key
     assert asked_since(OLD[version], config, unasked(config)) == refused
 
 
@@ -196,7 +208,8 @@ def test_what_was_not_asked_for_is_not():
     assert all(numbers.any() for numbers in on) and len(set(config["rules"]["box"][0].tolist())) > 1
     assert config["box_signals"] == MORE_THAN_HALF and config["slow_faults"]["stale_frames"].any()
     for interface in OLD_INTERFACES:
-        assert asked_since(interface, config, unasked(config)) == "" and asked_since(interface, config) != ""
+        assert asked_since(interface, config, unasked(config)) == ""
+        assert (asked_since(interface, config) != "") == (interface.version < 3)
 
 
 @pytest.mark.parametrize(
@@ -231,6 +244,29 @@ def test_a_flight_is_refused_in_one_line(tmp_path: Path, transport: str):
     assert f"built for version 2 of the records, which has no {SIGNAL}.count_down: " in said and "\n" not in said
 
 
+@needs_a_compiler
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("isolate", [True, False])
+def test_a_control_law_of_an_older_version_is_refused_in_one_line(tmp_path: Path, version: int, isolate: bool):
+    sources(version)
+    path = tmp_path / "law.c"
+    path.write_text(OLD_LAW)
+    made = of_sources("libold_law.so", [path], f"-I{FOLDER / str(version)}")
+    tested = written(tmp_path, {"name": "u", "role": "control-law", "path": str(made), "isolate": isolate})
+    with pytest.raises(UnitRefused) as refused:
+        rig.fly(overrides=SHORT, out=tmp_path, unit=tested)
+    said = str(refused.value)
+    assert f"built for version {version} of the records, which has no role control-law: " in said and "\n" not in said
+
+
+OLD_LAW = """
+#include "rig_unit.h"
+int rig_unit_open(const struct rig_config *config) { return config == 0; }
+int rig_unit_law(const struct rig_input *in, struct rig_output *out) { return in == 0 || out == 0; }
+void rig_unit_close(void) { }
+"""
+
+
 # The conformance test ----------------------------------------------------------------------------------------
 
 
@@ -248,5 +284,7 @@ def test_it_is_asked_for_what_its_version_has_fields_for(tmp_path: Path, version
     found, interface = check(tmp_path / "unit.toml"), OLD[version]
     asked = {case.requirement for case in load() if not asked_since(interface, case.config)}
     assert found.passed and found.grade == "bits"
-    assert {one.name for one in found.requirements if one.part == "decisions"} == asked | {TITLES[0]}
+    assert {one.name for one in found.requirements if one.part == "decisions"} == asked | set(
+        TITLES if version > 2 else TITLES[:1]
+    )
     assert len(asked) > 50

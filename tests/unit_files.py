@@ -31,6 +31,7 @@ from rig.unit.unit_records import (
     ANSWERS,
     CONFIG,
     INPUT,
+    LAW_INPUT,
     LAYOUT,
     OUTPUT,
     PART,
@@ -230,7 +231,7 @@ def listening(program: Path) -> Iterator[str]:
 def udp(folder: Path, plan: list[Any], name: str | Path = "first_valid", **keys: Any) -> Unit:
     """A library, by its name or path, behind tests/units/udp.py with a plan of what goes wrong."""
     path = library(name) if isinstance(name, str) else name.resolve()
-    sizes = {"input": INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
+    sizes = {"input": INPUT, "law_input": LAW_INPUT, "output": OUTPUT, "config": CONFIG, "part": PART, "ready": READY}
     known = json.dumps({**{key: dtype.itemsize for key, dtype in sizes.items()}, "layout": LAYOUT, "version": VERSION})
     command = [sys.executable, str(HERE / "udp.py"), str(path), "{address}", json.dumps(plan), known]
     return written(folder, {"name": "planned", "transport": "udp", "command": command, **keys})

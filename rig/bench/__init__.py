@@ -7,6 +7,6 @@ channels.py              usable samples, suspect rows and failures of each chann
 inject.py                faults on recorded channels; injection_score.py: their outcomes
 baseline_statistics.py   statistics of a baseline manager without isolations, for a calibration
 one_signal_trials.py, splitting.py  one signal over a recorded truth, many times: for reliability
-unit_check.py            a unit under test against the requirements and the built-in manager
+unit_check.py            a unit under test against the requirements and the built-in manager; unit_law_check.py
 vote_run.py              one ``rig vote``: read, inject, align, vote, measure (write_votes.py, vote_summary.py)
 """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from time import sleep
 from typing import Any, Final
@@ -15,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench import unit_circle, unit_second_rig
+from rig.bench import unit_circle, unit_law_check, unit_second_rig
 from rig.bench.drive import Stages, run
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
 from rig.bench.vote_rows import by_class
@@ -31,11 +32,14 @@ from rig.unit.port import RECEIVED, is_allowed
 from rig.unit.running_unit import UnitUnderTest, running
 from rig.unit.session import box_rule, settings_of
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Kind, Role, Said, blank
+from rig.unit.unit_records import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Kind, Role, Said, blank, role_of
 from rig.unit.vectors import Case, answers, ask, differences, load
 
 PAUSE_S: Final = 1.0
 HOSTILE_FRAMES: Final = 200
+_HOSTILE_NUMBERS: Final = np.array([np.nan, np.inf, -np.inf, 5e-324, -5e-324, 1.7e308, -1.7e308, 0.0, -0.0, 1.0])
+_HOSTILE: Final = "answers NaN, infinities, denormals, all invalid, every monitor value"
+_HOSTILE_VOTES: Final = "commands finite surfaces when votes are NaN, signals are lost, references are infinite"
 _CIRCLE: Final = "votes healthy channels of an angle across the end of its circle"
 VOTES: Final = ("voted", "state", "level")  # of a manager class, written or assumed
 
@@ -80,11 +84,12 @@ class Checked:
 def check(file: Path | str, *, interface_only: bool = False, longest: bool = False) -> Checked:
     """Test the unit of a file.  BadInput: the file, or a unit that cannot be started.
 
-    interface_only : do not test decisions; so for a flight computer, which defines its votes
+    interface_only : do not test decisions; so for a flight computer, which defines its votes, and for a control law
     longest : long sessions of unit_long.MOST_FRAMES frames, not of unit_long.FRAMES
     """
-    unit, cases = read_unit(file), load()
-    if unit.transport == "python":
+    unit = read_unit(file)
+    cases = [] if unit.replaces_law else load()
+    if unit.is_manager:
         return Checked(unit.name, list(_of_class(unit, cases, interface_only)))
     requirements = list(_interface(unit, cases))
     if not interface_only and unit.role == "redundancy":
@@ -120,9 +125,8 @@ def _of_class(unit: Unit, cases: list[Case], interface_only: bool) -> Iterator[R
 
 def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
     """Return the tests of the interface, which do not check decisions."""
-    longest = max(cases, key=lambda case: len(case.inputs))
-    config, inputs = longest.config.copy(), longest.inputs
-    config["role"] = Role[unit.role.replace("-", "_").upper()]
+    law = unit.replaces_law
+    config, inputs = unit_law_check.session() if law else _longest(cases, role_of(unit.role))
     with running(unit) as tested:
         first = answers(tested, config, inputs)
         missing = np.flatnonzero(first["frame"] < 0)
@@ -132,13 +136,14 @@ def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
         yield _line(
             "fills the groups of its role, with values of the enums", "interface", _allowed(tested, config, inputs)
         )
-        angles, turning = unit_circle.session(config)
-        yield _line(_CIRCLE, "interface", unit_circle.wrong(angles, turning, answers(tested, angles, turning)))
+        for name, wrong in unit_law_check.check(tested, config, first) if law else _circle(tested, config):
+            yield _line(name, "interface", wrong)
         paused = _after(tested, config, inputs, len(inputs) // 2, lambda: sleep(PAUSE_S))
         yield _line("a pause between two frames changes nothing", "interface", _same(first, paused))
-        expected, few = answers(tested, config, inputs[:3]), inputs[:3]
-        foreign = _after(tested, config, few, 1, tested.send_foreign)  # a FRAME of a session that never began
-        yield _line("a frame of another session is not stepped", "interface", _same(expected, foreign))
+        few, at = (inputs[len(inputs) // 2 :][:5], 3) if law else (inputs[:3], 1)  # where a law has something to do
+        foreign = _after(tested, config, few, at, tested.send_foreign)  # a FRAME of a session that never began
+        wrong = _same(answers(tested, config, few), foreign)
+        yield _line("a frame of another session is not stepped", "interface", wrong)
         yield _times(tested, config, inputs)
         if tested.interface.version > 1:  # which left it open
             for name, wrong in unit_second_rig.check(tested, config, inputs):
@@ -147,8 +152,21 @@ def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
     with running(unit) as tested:
         yield _line("two new sessions give the same bytes", "interface", _same(first, answers(tested, config, inputs)))
     with running(unit) as tested:
-        name = "answers NaN, infinities, denormals, all invalid, every monitor value"
-        yield _line(name, "interface", _hostile(tested, config))
+        made = partial(unit_law_check.hostile, config=config) if law else _hostile_input
+        yield _line(_HOSTILE_VOTES if law else _HOSTILE, "interface", _hostile(tested, config, made))
+
+
+def _longest(cases: list[Case], role: Role) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return CONFIG (1,) and INPUT (n,) of the longest case."""
+    longest = max(cases, key=lambda case: len(case.inputs))
+    config = longest.config.copy()
+    config["role"] = role
+    return config, longest.inputs
+
+
+def _circle(tested: UnitUnderTest, config: NDArray[Any]) -> Iterator[tuple[str, str]]:
+    angles, turning = unit_circle.session(config)
+    yield _CIRCLE, unit_circle.wrong(angles, turning, answers(tested, angles, turning))
 
 
 def _line(name: str, part: str, wrong: str) -> Requirement:
@@ -205,25 +223,34 @@ def _times(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) ->
     return Requirement("time of an exchange", "interface", True, f"median {median:.1f} us, 99 % {most:.1f} us")
 
 
-def _hostile(tested: UnitUnderTest, config: NDArray[Any]) -> str:
-    """Return the test with numbers that no sensor transmits: the unit must continue, and stay within its enums."""
+def _hostile(tested: UnitUnderTest, config: NDArray[Any], made: Callable[..., Any]) -> str:
+    """Return the test with numbers that no sensor transmits: the unit must continue, and stay within its enums.
+
+    A control law must also command finite surfaces.  made : INPUT or LAW_INPUT of a frame, from a generator
+    """
     draw = np.random.default_rng(0)
-    numbers = np.array([np.nan, np.inf, -np.inf, 5e-324, -5e-324, 1.7e308, -1.7e308, 0.0, -0.0, 1.0])
     tested.begin(config.copy())
     for k in range(HOSTILE_FRAMES):
-        asked = np.zeros((), INPUT)
-        for name in (*REFERENCES, "channels", "inertial", "autopilot_command"):
-            asked[name] = draw.choice(numbers, asked[name].shape)
-        for name in ("valid", "ilm", "discrete_valid", "discrete_ilm", "discrete_channels", "reset", "discrete_reset"):
-            asked[name] = draw.integers(0, 3 if "ilm" in name else 2, asked[name].shape)
-        if k % 10 == 0:
-            asked["valid"] = 0
-        if not ask(tested, asked, k):
+        if not ask(tested, made(draw, k=k), k):
             return f"frame {k}: no answer"
         if not is_allowed(tested.port.back):
             return f"frame {k}: a state, level or pattern is invalid"
+        surface = tested.port.back.records[RECEIVED]["surface"]
+        if tested.role is Role.CONTROL_LAW and (wrong := unit_law_check.not_finite(surface, k)):
+            return wrong
     tested.end()
     return ""
+
+
+def _hostile_input(draw: np.random.Generator, k: int) -> Any:
+    asked = np.zeros((), INPUT)
+    for name in (*REFERENCES, "channels", "inertial", "autopilot_command"):
+        asked[name] = draw.choice(_HOSTILE_NUMBERS, asked[name].shape)
+    for name in ("valid", "ilm", "discrete_valid", "discrete_ilm", "discrete_channels", "reset", "discrete_reset"):
+        asked[name] = draw.integers(0, 3 if "ilm" in name else 2, asked[name].shape)
+    if k % 10 == 0:
+        asked["valid"] = 0
+    return asked
 
 
 # What it decides ---------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from typer import Exit, echo
 
@@ -96,8 +96,8 @@ def fly(options: FlyOptions) -> None:
     class Told(MeasuredConclusion):
         """The same, with a line before a long flight on its disk space and time."""
 
-        def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-            super().begin(scenario, unit_lane)
+        def begin(self, scenario: Scenario, unit_lane: str | None = None, unit_votes: bool = True) -> None:
+            super().begin(scenario, unit_lane, unit_votes)
             if (takes := long_flight(scenario)) and not quiet:
                 echo(takes, err=True)
 
@@ -293,18 +293,24 @@ def _reply(median_us: float, p99_us: float, worst_us: float) -> str:
 def _unit(flight: Flight) -> None:
     """Print the exchanges with the unit under test, and its output."""
     unit = flight.unit or {}
-    names = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
-    wrong = counts(unit, names)
-    if unit["dead_frame"] is not None:
-        wrong.append(f"dead from {moment(unit['dead_frame'], flight.scenario.rate_hz)} on")
-    if unit["status"] != "ready" or unit["fault_word"]:
-        wrong.append(f"last status {unit['status']}, fault word {unit['fault_word']:#010x}")
-    text = ", ".join([f"{unit['answered']} frames answered", *wrong])
-    field("unit", f"{unit['name']}: {text}", style="yellow" if wrong else "")
+    if "voter" in unit:
+        _exchanges(unit["voter"], flight.scenario.rate_hz)
+    _exchanges(unit, flight.scenario.rate_hz)
     reply = unit["reply"]
     field("replies", _reply(reply["median_us"], reply["p99_us"], reply["worst_us"]))
     for text in flight.printed.splitlines()[-MOST_LINES:]:
         field("printed", text)
+
+
+def _exchanges(unit: dict[str, Any], rate_hz: float) -> None:
+    names = ("missed", "late", "requests_lost", "replies_lost", "discarded", "refused", "not_finite", "restarts")
+    wrong = counts(unit, names)
+    if unit["dead_frame"] is not None:
+        wrong.append(f"dead from {moment(unit['dead_frame'], rate_hz)} on")
+    if unit["status"] != "ready" or unit["fault_word"]:
+        wrong.append(f"last status {unit['status']}, fault word {unit['fault_word']:#010x}")
+    text = ", ".join([f"{unit['answered']} frames answered", *wrong])
+    field("unit", f"{unit['name']}: {text}", style="yellow" if wrong else "")
 
 
 def _peaks(flight: Flight) -> str:

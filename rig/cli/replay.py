@@ -210,11 +210,11 @@ def info(log: LogFile, as_json: Json = False) -> None:
 
 def _info(facts: dict[str, Any]) -> None:
     from rig.core.ending import ending
-    from rig.unit.unit_file import voter, what_it_reads
+    from rig.unit.unit_facts import voter, what_it_reads
 
     result, sets = facts["result"] or {}, facts["overrides"]
     line((facts["title"] or facts["log"], "bold"), f"  {facts['aircraft']}, seed {facts['seed']}")
-    who, _, name = voter(facts["manager"] or "unknown", facts["unit"], facts["lane"]).partition(" ")
+    who, _, name = voter(facts["manager"] or "unknown", {**facts, "name": facts["unit"]}).partition(" ")
     field(who, name)
     if read := what_it_reads(
         {"read_sha256": facts["unit_files"] or {}, "environment": facts["unit_environment"] or {}}

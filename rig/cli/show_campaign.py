@@ -104,7 +104,7 @@ def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
 
 def plan(planned: Plan, expected: Estimate, folder: Folder) -> None:
     """Print the first runs of a plan, the estimate, unit and identity; folder : of the plan, on no disk."""
-    from rig.unit.unit_file import what_it_reads
+    from rig.unit.unit_facts import what_it_reads
 
     rows = plan_rows(planned, min(expected.runs, MOST_ROWS))
     names = dict.fromkeys(name for row in rows for name in row)  # of what varies: a run may be without it

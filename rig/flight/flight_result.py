@@ -18,7 +18,7 @@ from rig.flight.suspects import Suspect, slow_faults_text
 from rig.log import Log, SignalArrays, read_log
 from rig.scenario.scenario import Scenario
 from rig.scenario.scenario_notes import notes
-from rig.unit.unit_file import voter
+from rig.unit.unit_facts import voter
 
 if TYPE_CHECKING:
     import polars as pl
@@ -60,9 +60,8 @@ class Flight:
 
     @property
     def voter(self) -> str:
-        """The manager or unit that voted: ``manager cross-channel``, or ``unit NAME``."""
-        unit = self.unit or {}
-        return voter(self.scenario.redundancy.manager, unit.get("name"), unit.get("lane"))
+        """The manager or unit that voted: ``manager cross-channel``, or ``unit NAME``; the law too, if it is a unit."""
+        return voter(self.scenario.redundancy.manager, self.unit)
 
     @property
     def notes(self) -> list[str]:

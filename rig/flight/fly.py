@@ -79,8 +79,11 @@ class Viewer(Protocol):
 class Outcome(Protocol):
     """Assesses a flight while it is flown."""
 
-    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-        """Take the scenario as it is flown, and the lane that a unit under test is; the first frame comes next."""
+    def begin(self, scenario: Scenario, unit_lane: str | None = None, unit_votes: bool = True) -> None:
+        """Take the scenario as it is flown, and what a unit under test is; the first frame comes next.
+
+        unit_lane : of several computers, the one that it is; unit_votes : False for a control law
+        """
 
     def add(self, table: Table) -> None:
         """Take the next frames, with their clean channels: a flight is assessed block by block while it is flown."""
@@ -131,7 +134,7 @@ def fly(
     pace = Pace(scenario.rate_hz, 1.0 if realtime and realtime_factor is None else realtime_factor)
     scenario = scenario if live is None else scenario.armed()
     tested = as_lane(read_unit(unit) if isinstance(unit, str | Path) else unit, lane)
-    if tested is not None and tested.transport == "python":
+    if tested is not None and tested.is_manager:
         scenario, tested = managed(scenario, tested), None
     destination = _Destination(name, text, Path(out), rerun, streams, progress, viewer, watch, sets, outcome)
     with interruptible() as stop, running(tested) as under_test, real_time(realtime) as granted:
@@ -188,7 +191,7 @@ def _fly_and_record(
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
     if (outcome := to.outcome) is not None:
-        outcome.begin(scenario, None if unit is None else unit.lane)
+        outcome.begin(scenario, *((None,) if unit is None else (unit.lane, unit.unit.votes)))
     known = metadata(scenario)
     if unit is not None:  # it starts with the flight's computer and waits for the first frame: all else comes before
         Findings(scenario)

@@ -111,7 +111,8 @@ class FlightRecords(Findings):
         if self._unit is None:
             return None
         lane = {} if self._unit.lane is None else {"lane": self._unit.lane}
-        return {"name": self._unit.unit.name, **lane, **self._unit.result(), "reply": self._replies.as_dict()}
+        role = {"role": self._unit.unit.role} if self._unit.unit.replaces_law else {}
+        return {"name": self._unit.unit.name, **role, **lane, **self._unit.result(), "reply": self._replies.as_dict()}
 
     def close(self, stop: Stop, failure: ManagerFailed | None) -> str:
         """End the unit's session and write what only the end can tell; return why the flight ended."""

@@ -1,4 +1,4 @@
-"""A unit under test as one of several computers: it votes, or computes, in its lane; the others are the rig's own.
+"""A unit under test as one of several computers: it votes, computes or flies in its lane; the others are the rig's.
 
 begin_lanes    all share their samples and think; of the unit's lane the references, and all that it reads
 exchange       the unit, wherever it is
@@ -18,15 +18,17 @@ import numpy as np
 from rig.computer.control.law import control_law
 from rig.computer.lanes.command import keep_integrals
 from rig.computer.lanes.lanes_stage import of_lane, think_after, think_before
-from rig.computer.lanes.think import ComputerData, think_shadow
+from rig.computer.lanes.think import ComputerData, think_shadow, vote
+from rig.computer.redundancy import conclude as conclude_own
 from rig.core.frame import FLAT, Nested, UnitStatus, nested, new_block
 from rig.core.kernels import bind, kernel
 from rig.flight.loop import ComputerStep, StageData, after, before
-from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, conclude, fill, fly_trim, take
+from rig.flight.unit_law import write_sources
+from rig.unit.port import BLANK, FLOWN, ON_DISCRETES, STARTING, conclude, fill, fill_law, fly_trim, take
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.unit_records import Role
 
-_REDUNDANCY: Final = int(Role.REDUNDANCY)
+_REDUNDANCY, _CONTROL_LAW = int(Role.REDUNDANCY), int(Role.CONTROL_LAW)
 _NOT_ASKED: Final = int(UnitStatus.NONE)
 _STOPPED: Final = -1
 
@@ -38,11 +40,12 @@ def around_lane(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     port, own = unit.port, np.zeros(2, FLAT)  # rows of its own, as one computer has them
     raw, lane = own.view(np.uint8).reshape(2, -1), nested(own)
     blank = nested(new_block(2))
-    first: Callable[..., Any] = bind(begin_lanes, blank, 0, data, lane, raw, port.out)
+    role = port.back.role
+    first: Callable[..., Any] = bind(begin_lanes, blank, 0, data, lane, raw, port.out, role)
     last: Callable[..., int] = bind(end_lanes, blank, 0, data, lane, raw, port.back, 0)
 
     def step(block: Nested, k: int, data: StageData) -> float:
-        frame = first(block, k, data, lane, raw, port.out)
+        frame = first(block, k, data, lane, raw, port.out, role)
         if frame == _STOPPED:
             last(block, k, data, lane, raw, port.back, _NOT_ASKED)
             return 0.0
@@ -53,10 +56,10 @@ def around_lane(unit: UnitUnderTest, data: StageData) -> ComputerStep:
 
 
 @kernel
-def begin_lanes(block, k, data, own, raw, port):
+def begin_lanes(block, k, data, own, raw, port, role):
     """Fill the record that the unit reads in row k; return the frame, or _STOPPED while its lane does not run.
 
-    own : (2,) FRAME records, of the unit's lane alone; raw : (2, bytes) the same;  port : Outbound
+    own : (2,) FRAME records, of the unit's lane alone; raw : (2, bytes) the same;  port : Outbound;  role : of Role
     """
     before(block, k, data)
     row, lanes = block[k], data.lanes
@@ -65,7 +68,13 @@ def begin_lanes(block, k, data, own, raw, port):
         return _STOPPED
     own[0]["frame"] = row["frame"]
     own[0]["bus"], own[0]["fcc"] = lanes.bus[lanes.outside], lanes.fcc[lanes.outside]
-    fill(raw, 0, row["frame"], port)
+    if role == _CONTROL_LAW:
+        computer = of_lane(lanes.outside, ComputerData(data.redundancy, data.control, data.faults), lanes)
+        vote(own[0]["bus"], own[0]["fcc"], computer)
+        conclude_own(own[0]["bus"], own[0]["fcc"], computer.redundancy)
+        fill_law(raw, 0, row["frame"], port)
+    else:
+        fill(raw, 0, row["frame"], port)
     return row["frame"]
 
 
@@ -90,9 +99,14 @@ def take_in(data, lanes, own, port, status):
     if lanes.running[i] == 0:
         return
     computer, bus, fcc, said = of_lane(i, data, lanes), own[0]["bus"], own[0]["fcc"], port.records[FLOWN]["said"]
-    own[1]["bus"], own[1]["fcc"] = bus, lanes.fcc[i]
-    think_shadow(own[1], (said & ON_DISCRETES) != 0, port.role != _REDUNDANCY, computer)
-    conclude(bus, fcc, said, computer.redundancy)
+    if port.role == _CONTROL_LAW:
+        own[1]["bus"], own[1]["fcc"] = bus, fcc
+        control_law(own[1]["bus"], own[1]["fcc"], computer.control)  # for the back-up, as think_shadow
+        write_sources(fcc)
+    else:
+        own[1]["bus"], own[1]["fcc"] = bus, lanes.fcc[i]
+        think_shadow(own[1], (said & ON_DISCRETES) != 0, port.role != _REDUNDANCY, computer)
+        conclude(bus, fcc, said, computer.redundancy)
     if port.counts[STARTING] > 0:
         fly_trim(fcc, port.records[BLANK]["surface"])
     elif port.role == _REDUNDANCY:

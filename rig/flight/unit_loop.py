@@ -1,4 +1,4 @@
-"""A unit under test in the loop: in the place of the manager, or of manager and control law.
+"""A unit under test in the loop: in the place of the manager, of manager and control law, or of the law (unit_law.py).
 
 before_unit      channels and references, and all that the unit reads into its record
 try_exchange     the unit, wherever it is
@@ -10,7 +10,7 @@ Python continues with ``exchange`` and ``after_unit``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from rig.computer.control.law_state import ControlData
 from rig.computer.redundancy import Redundancy
 from rig.computer.redundancy.discrete import DiscreteData
 from rig.computer.redundancy.manager_config import PARAMS
+from rig.computer.redundancy.own import OwnManager
 from rig.core.blocks import in_blocks
 from rig.core.frame import FLIGHT_INDEX, SURFACES, Block, Nested, Table, UnitStatus, nested, new_block
 from rig.core.interrupt import Stop
@@ -29,10 +30,12 @@ from rig.core.kernels import bind, kernel
 from rig.flight import loop
 from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, compute
 from rig.flight.pace import Pace
+from rig.flight.unit_exchange import Exchange, exchange_with
 from rig.flight.unit_lane import around_lane
+from rig.flight.unit_law import around_law
 from rig.scenario.scenario import Scenario
-from rig.unit.compiled_exchange import FOREVER_NS, PENDING, try_exchange
-from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fly_trim, take
+from rig.unit.compiled_exchange import PENDING, try_exchange
+from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fill_law, fly_trim, take
 from rig.unit.running_unit import UnitUnderTest
 from rig.unit.session import configuration
 from rig.unit.unit_records import Role
@@ -52,14 +55,22 @@ class UnitComputer:
 
     def __call__(self, rig: Rig) -> ComputerStep:
         """Begin the session, with all kernels compiled: the first frame follows at once.  BadInput, UnitRefused."""
-        unit, config = self._unit, config_of(rig.scenario, rig.redundancy, rig.plant.trim, self._unit.role)
-        if unit.prepare(config):
-            self._around(unit, rig.data)
-        unit.begin(config, self._deadline, self._stop)
-        return self._around(unit, rig.data)
+        units = [each for each in (self._unit, self._unit.voter) if each is not None]
+        sessions = [(each, config_of(rig.scenario, rig.redundancy, rig.plant.trim, each.role)) for each in units]
+        fresh = [each.prepare(config) for each, config in sessions]
+        if all(fresh):
+            self._around(rig)
+        for each, config in sessions:
+            each.begin(config, self._deadline, self._stop)
+        return self._around(rig)
 
-    def _around(self, unit: UnitUnderTest, data: StageData) -> ComputerStep:
-        return _around_unit(unit, data) if self.lane is None else around_lane(unit, data)
+    def _around(self, rig: Rig) -> ComputerStep:
+        unit = self._unit
+        if self.lane is not None:
+            return around_lane(unit, rig.data)
+        if unit.role is Role.CONTROL_LAW:
+            return _around_law(unit, rig.data, rig.redundancy.own)
+        return _around_unit(unit, rig.data)
 
 
 def fly_rows(
@@ -122,13 +133,14 @@ class UnitVoter:
         trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
         unit.begin(config_of(scenario, redundancy, trim, unit.role))
         self._unit, self._rows, self._raw = unit, rows, _bytes(rows)
+        self._fill = fill_law if unit.role is Role.CONTROL_LAW else fill
 
     def step(self, rows: Block, k: int) -> int:
         """Write the unit's reply to row k of ``rows`` into it; return the groups of the layout that it filled."""
         if rows is not self._rows:
             self._rows, self._raw = rows, _bytes(rows)
         port, frame = self._unit.port, int(rows["frame"][k])
-        fill(self._raw, k, frame, port.out)
+        self._fill(self._raw, k, frame, port.out)
         self._unit.count_status(take(self._raw, k, port.back, self._unit.exchange(frame, k)))
         return int(port.back.records[FLOWN]["said"])
 
@@ -159,30 +171,44 @@ def _without_manager(data: StageData) -> _AroundUnit:
 
 def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     """Do what ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
-    port, compiled, paced = unit.port, unit.compiled, unit.paced
-    bound, around, raw, start = nested(new_block(2)), _without_manager(data), _bytes(new_block(2)), 0
-    whole = bind(with_unit, bound, raw, 0, around, port, compiled, 0)
-    last = bind(after_unit, bound, raw, 0, around, port.back, 0)
-    ours = bind(compute, bound, 0, data) if unit.unit.on_dead == "backup" else None
-    bound_data, exchange, replies, answered = data, unit.exchange, unit.replies, int(UnitStatus.ANSWERED)
+    frame = nested(new_block(2)), _bytes(new_block(2)), 0, _without_manager(data)
+    whole = bind(with_unit, *frame, unit.port, unit.compiled, 0)
+    last = bind(after_unit, *frame, unit.port.back, 0)
+    ours = bind(compute, frame[0], 0, data) if unit.unit.on_dead == "backup" else None
+    return _exchanging(unit, data, _without_manager, exchange_with(unit, whole, last), ours)
+
+
+def _around_law(unit: UnitUnderTest, data: StageData, own: OwnManager | None) -> ComputerStep:
+    """Do the same with the unit in the place of our control law; own : the user's manager."""
+    exchange, around, ours = around_law(unit, data, own)
+    return _exchanging(unit, data, around, exchange, ours)
+
+
+def _exchanging(
+    unit: UnitUnderTest,
+    data: StageData,
+    arrange: Callable[[StageData], Any],
+    exchange: Exchange,
+    ours: ComputerStep | None,
+) -> ComputerStep:
+    """Compute every frame by an exchange with the unit, or by ``ours`` once it is to take over.
+
+    arrange : from StageData to the data of the exchange
+    """
+    bound, around, raw, start = nested(new_block(2)), arrange(data), _bytes(new_block(2)), 0
+    bound_data = data
 
     def step(block: Nested, k: int, data: StageData) -> float:
         nonlocal bound, raw, start, bound_data, around
         if block is not bound:  # a view is slow to make
             bound, raw, start = block, _bytes(block), int(block["frame"][0])
         if data is not bound_data:
-            bound_data, around = data, _without_manager(data)
+            bound_data, around = data, arrange(data)
         if ours is not None and unit.dead:
             ours(block, k, data)
             block["actuation"]["unit"][k] = UnitStatus.DEAD
-            return unit.reply_us
-        usual = not (replies.run or unit.dead)
-        until_ns = (unit.until_ns(start + k) if paced else FOREVER_NS) if usual else 0
-        status = whole(block, raw, k, around, port, compiled, until_ns)
-        if status == PENDING:
-            status = last(block, raw, k, around, port.back, exchange(start + k, k))
-        if status != answered or replies.run:
-            unit.count_status(status)
+        else:
+            exchange(block, raw, k, around, start + k)
         return unit.reply_us
 
     return step

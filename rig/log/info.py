@@ -56,6 +56,8 @@ def _flown(log: Contents, path: Path) -> dict[str, Any]:
         "lane": unit_of(metadata).get("lane"),
         "unit_files": unit_of(metadata).get("read_sha256"),
         "unit_environment": unit_of(metadata).get("environment"),
+        "role": unit_of(metadata).get("role"),
+        "voter": unit_of(metadata).get("voter"),
         "overrides": overrides(log.attachments.get(FILE, b"").decode(errors="replace"), scenario),
         "seed": scenario.get("seed"),
         "rate_hz": log.rate_hz,

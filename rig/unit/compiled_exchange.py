@@ -23,7 +23,7 @@ from rig.core.frame import UnitStatus
 from rig.core.kernels import kernel
 from rig.core.threads import cores
 from rig.unit.port import PLAIN, RECEIVED, Port, copy_bytes
-from rig.unit.unit_records import FROM_UNIT, INTERFACE, OUTPUT, Interface, Kind, blank, place
+from rig.unit.unit_records import FROM_UNIT, INTERFACE, OUTPUT, Interface, Kind, blank, place, size_of
 
 PENDING: Final = -1  # no status of frame.UnitStatus: Python goes on with this frame
 FOREVER_NS: Final = np.iinfo(np.int64).max
@@ -78,7 +78,7 @@ def new_exchange(
     for name, called in functions.items():
         state[name] = _address(getattr(library, called))
     state["sent_at"], state["into_at"], state["into_bytes"] = port.out.sent.ctypes.data, into.ctypes.data, len(into)
-    state["sent_bytes"], state["answer_bytes"] = interface.input_bytes, interface.output_bytes
+    state["sent_bytes"], state["answer_bytes"] = size_of(port.out.sent.dtype, interface), interface.output_bytes
     state["known_bytes"] = interface.known_bytes
     state["received_at"] = port.back.bytes[RECEIVED].ctypes.data
     state["now_at"], state["frame"] = state.ctypes.data + place(STATE, "now_s")[1], -1

@@ -24,7 +24,7 @@ from rig.core.errors import BadInput
 from rig.core.renamed import in_layout
 from rig.core.text import quoted
 from rig.unit import transport as links
-from rig.unit.fmu_description import IDENTIFIER, TOKEN, TOKENS, Place, Version, variables
+from rig.unit.fmu_description import ASKED, IDENTIFIER, PLACED, TOKEN, TOKENS, Place, Version, variables
 from rig.unit.fmu_mapping import UNSAID, mapped
 from rig.unit.fmu_variables import Described, described
 from rig.unit.transport import SocketLink
@@ -123,7 +123,7 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
     identifier = co_simulation.get("modelIdentifier", IDENTIFIER)
     if not _IDENTIFIER.fullmatch(identifier):
         raise BadInput(f"{named}: modelIdentifier {quoted(identifier)} is not the name of a library")
-    known = described(description, version, named)
+    known, asked = described(description, version, named), ASKED[unit.replaces_law]
     return {
         "version": version,
         "token": token,
@@ -131,10 +131,11 @@ def _plan(description: ElementTree.Element, unit: Unit, named: str) -> dict[str,
         "rate_hz": place(CONFIG, "rate_hz")[1],
         "time_s": place(INPUT, "time_s")[1],
         "said": place(OUTPUT, "said")[1],
-        "bytes": {Place.CONFIG: CONFIG.itemsize, Place.INPUT: INPUT.itemsize, Place.OUTPUT: OUTPUT.itemsize},
+        "bytes": {record: dtype.itemsize for record, dtype in PLACED.items()},
+        "asked": asked,
         **_steps(description, co_simulation, named),
         **(
-            {"runs": _runs(version, known, TOKENS[token].version, named)}
+            {"runs": _runs(version, known, TOKENS[token].version, asked, named)}
             if unit.fmu is None
             else mapped(unit, known, named)
         ),
@@ -160,14 +161,18 @@ def _steps(description: ElementTree.Element, co_simulation: ElementTree.Element,
     return given
 
 
-def _runs(version: Version, known: dict[str, Described], records: int, named: str) -> list[dict[str, Any]]:
+def _runs(
+    version: Version, known: dict[str, Described], records: int, asked: Place, named: str
+) -> list[dict[str, Any]]:
     """Return runs of adjacent variables of one type in a record: each is one call of FMI.
 
-    records : the version of the records for which the FMU was made
+    records : the version of the records for which the FMU was made; asked : the record that its role reads
     """
     runs: list[dict[str, Any]] = []
     for variable in variables(version):
-        if SINCE.get(re.split(r"\[", variable.name)[0], 1) > records:
+        if SINCE.get(re.split(r"[\[.]", variable.name)[0], 1) > records:
+            continue
+        if variable.record in ASKED and variable.record is not asked:
             continue
         found = known.get(variable.name) or known.get(in_layout(variable.name))  # of one that was made before
         if found is None or found.type != variable.type(version):

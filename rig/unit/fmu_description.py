@@ -1,6 +1,7 @@
 """The records of unit_records.py as the variables of an FMU, FMI 2.0 or 3.0, co-simulation: ``rig unit header --fmu``.
 
-CONFIG becomes fixed parameters, INPUT inputs, OUTPUT outputs.  FMI 2.0 has a scalar for each element, FMI 3.0 arrays.
+CONFIG becomes fixed parameters, INPUT inputs, OUTPUT outputs; LAW_INPUT, which a control law reads in place of INPUT,
+inputs whose names begin with ``law_input.``.  FMI 2.0 has a scalar for each element, FMI 3.0 arrays.
 A value reference encodes the place of the variable, so that a unit needs no table: from the lowest bit 14 bits first
 byte, 10 bits elements, 2 bits type (Base), 2 bits record (Place), 1 more bit of the type.
 """
@@ -21,7 +22,7 @@ import numpy as np
 from rig.core.frame import DISCRETES, SIGNALS, SURFACES, D, S
 from rig.core.frame.fields import FIELD
 from rig.unit.fmu_moves import NAMES, TYPES
-from rig.unit.unit_records import CONFIG, HELLO, INPUT, INTERFACES, OUTPUT, RECORDS, Interface, place, walk
+from rig.unit.unit_records import CONFIG, HELLO, INPUT, INTERFACES, LAW_INPUT, OUTPUT, RECORDS, Interface, place, walk
 
 Version = Literal["2", "3"]  # of FMI
 IDENTIFIER: Final = "rig_unit"  # how the library in an FMU is called
@@ -38,6 +39,7 @@ class Place(IntEnum):
     CONFIG = 0
     INPUT = 1
     OUTPUT = 2
+    LAW_INPUT = 3
 
 
 class Base(IntEnum):
@@ -51,8 +53,13 @@ class Base(IntEnum):
     WORD = 5
 
 
-_RECORDS: Final = {Place.CONFIG: CONFIG, Place.INPUT: INPUT, Place.OUTPUT: OUTPUT}
-_CAUSALITY: Final = {Place.CONFIG: "parameter", Place.INPUT: "input", Place.OUTPUT: "output"}
+PLACED: Final = {Place.CONFIG: CONFIG, Place.INPUT: INPUT, Place.OUTPUT: OUTPUT, Place.LAW_INPUT: LAW_INPUT}
+_CAUSALITY: Final = {
+    **{Place.CONFIG: "parameter", Place.INPUT: "input"},
+    **{Place.OUTPUT: "output", Place.LAW_INPUT: "input"},
+}
+_OF_LAW: Final = "law_input."
+ASKED: Final = (Place.INPUT, Place.LAW_INPUT)  # in every frame: the second by a control law
 _BASES: Final = {np.dtype(kind).str[1:]: Base[name] for name, kind in TYPES.items()}  # by the type in a record
 
 
@@ -102,13 +109,17 @@ class Variable:
 
 def variables(version: Version) -> list[Variable]:
     """Return the variables of all records, in the order of their bytes."""
-    fields = [variable for record in Place for variable in of_record(record)]
+    fields = [
+        replace(variable, name=_OF_LAW + variable.name) if record is Place.LAW_INPUT else variable
+        for record in Place
+        for variable in of_record(record)
+    ]
     return fields if version == "3" else [scalar for variable in fields for scalar in variable.scalars()]
 
 
 def of_record(record: Place) -> list[Variable]:
-    """Return the variables of one record, arrays whole."""
-    return list(_fields(record, _RECORDS[record]))
+    """Return the variables of one record, arrays whole, by the names of its fields."""
+    return list(_fields(record, PLACED[record]))
 
 
 def _fields(
@@ -132,7 +143,7 @@ def _fields(
 
 def _about(name: str, shape: tuple[int, ...], index: tuple[int, ...]) -> str:
     """Return the signal, discrete or surface of an element."""
-    field = FIELD.get(name)
+    field = FIELD.get(name.removeprefix(_OF_LAW))
     if field is not None and field.elements:
         return field.elements[index[0]]
     if name in ("trim_surface", "surface_low", "surface_high"):

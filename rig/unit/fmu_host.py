@@ -33,7 +33,7 @@ from rig.unit.host import REFUSED, Host, Refused, ReplyChannel, serve
 
 DISCARD, FATAL = 2, 4
 STATUS: Final = ("ok", "warning", "discard", "error", "fatal", "pending")
-CONFIG, INPUT, OUTPUT = range(3)  # records of a run
+CONFIG, INPUT, OUTPUT = range(3)  # records of a run; a control law has another in place of INPUT: plan["asked"]
 _INT: Final = np.iinfo(np.intc)
 _NO_BYTE: Final = 255  # in no enum: what an integer becomes that no byte can hold
 _TYPES_2: Final = {"Real": ("Real", ctypes.c_double), "Boolean": ("Boolean", ctypes.c_int)}  # all others: Integer
@@ -109,7 +109,8 @@ class Fmu(ABC):
             self._initialize(config)
         except FMICallException as error:
             raise Refused(self._failed(error)) from None
-        self._puts, self._gets = self._calls(INPUT, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
+        asked = self._plan["asked"]
+        self._puts, self._gets = self._calls(asked, self._input, "Set"), self._calls(OUTPUT, self._output, "Get")
         self._runs = True
 
     def _require_step(self, rate_hz: float) -> None:
@@ -170,8 +171,8 @@ class Fmu(ABC):
     def _mapped(self, record: int, address: int, verb: str) -> list[Call]:
         """Return the calls of a mapping (fmu_mapping.py); the last one fills OUTPUT without variables."""
         views = views_of(address, self._plan["bytes"][str(record)])
-        calls = [self._mapped_call(run, views, verb) for run in self._plan[("", "inputs", "outputs")[record]]]
-        if record == INPUT:
+        calls = [self._mapped_call(run, views, verb) for run in self._plan["outputs" if record == OUTPUT else "inputs"]]
+        if record != OUTPUT:
             return calls
         at, values = (np.array(column) for column in zip(*self._plan["filled in"], strict=True))
         return [*calls, partial(views["BYTE"].__setitem__, at, values)]
@@ -307,7 +308,7 @@ class FmuHost(Host):
             self._channel.reply(REFUSED, message, str(reason))
 
 
-def load(folder: str, layouts: Sequence[int]) -> Any:
+def load(folder: str, layouts: Sequence[int], _: str) -> Any:
     """Load the FMU that was unpacked into ``folder``; fmu.py has compared its token.  Refused."""
     plan = json.loads(Path(folder, "rig-unit.json").read_text())
     return (Fmi2 if plan["version"] == "2" else Fmi3)(Path(folder), plan, layouts[0])

@@ -29,7 +29,7 @@ from rig.core.renamed import of_layout
 from rig.core.text import choices
 from rig.core.units.conversion import conversion
 from rig.core.units.quantities import unit_of_name
-from rig.unit.fmu_description import Base, Place, of_record
+from rig.unit.fmu_description import ASKED, Base, Place, of_record
 from rig.unit.fmu_moves import REAL, range_of
 from rig.unit.fmu_variables import WHOLE, Described, find
 from rig.unit.unit_file import Unit
@@ -44,7 +44,7 @@ OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
     *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
     *("equalise_bound", "slow_allowance", "slow_limit", "trend_small"),
 )
-_NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE}
+_NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE, "control-law": Said.SURFACE}
 UNSAID: Final = "unsaid"  # key of a plan: fields without a variable in a group that is filled
 _OF_CONFIG: Final = re.compile(r"(signal|slow_faults|rules|discrete)\[\d+\]\.(\w+)(?:\[(\d+)\])?")
 
@@ -71,7 +71,7 @@ class Pair(NamedTuple):
 def mapped(unit: Unit, known: dict[str, Described], named: str) -> dict[str, Any]:
     """Return the calls of a mapping.  BadInput.  known : variables of the FMU; named : its name in errors"""
     assert unit.fmu is not None
-    inputs = _pairs("inputs", unit.fmu.inputs, Place.INPUT, known, unit, named)
+    inputs = _pairs("inputs", unit.fmu.inputs, ASKED[unit.replaces_law], known, unit, named)
     outputs = _pairs("outputs", unit.fmu.outputs, Place.OUTPUT, known, unit, named)
     parameters = _pairs("parameters", unit.fmu.parameters, Place.CONFIG, known, unit, named)
     constants = _constants(unit.fmu.constants, known, named)

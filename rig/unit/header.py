@@ -29,6 +29,7 @@ _COMMENTS: Final = {
     "config": "configuration of a flight",
     "config_part": "a part of config, if one message must fit into an Ethernet frame",
     "input": "one frame to the unit: SI units, angles in rad, load factors in g, sticks -1 to 1",
+    "law_input": "one frame to a unit of the role CONTROL_LAW: what the rig has voted",
     "output": "one frame from the unit",
 }
 _MEANINGS: Final = {
@@ -82,6 +83,13 @@ _MEANINGS: Final = {
     "reset": "by signal: channels to readmit, bit 0 is channel 1",
     "discrete_reset": "by discrete: channels to readmit, bit 0 is channel 1",
 }
+_READ_BY_LAW: Final = {
+    "voted": "voted value of each signal; NaN: never voted",
+    "level": "channels in use by signal; 0: the signal is lost",
+    "reference_usable": "1: the manager vouches for the reference of the signal",
+    "discrete_voted": "voted value of each discrete, 0 or 1",
+    "discrete_level": "channels in use by discrete; 0: the discrete is lost",
+}
 _OPENING: Final = """\
 /* The records between the rig and a unit under test.
  *
@@ -96,6 +104,10 @@ _OPENING: Final = """\
  *
  * open after close starts a new session.  The rig calls step once per frame, with an output that is zero except for
  * its head.  step fills groups of the output, and names them in `output->said`.
+ *
+ * A unit of the role CONTROL_LAW has another function in the place of rig_unit_step:
+ *
+ *     int rig_unit_law(const struct rig_law_input *input, struct rig_output *output);
  */
 #ifndef RIG_UNIT_H
 #define RIG_UNIT_H
@@ -119,6 +131,7 @@ const uint64_t rig_unit_layout = RIG_UNIT_LAYOUT;
 
 int rig_unit_open(const struct rig_config *config);
 int rig_unit_step(const struct rig_input *input, struct rig_output *output);
+int rig_unit_law(const struct rig_law_input *input, struct rig_output *output);
 void rig_unit_close(void);
 
 #ifdef __cplusplus
@@ -265,7 +278,8 @@ def markdown() -> str:
     lines = [f"Version {VERSION}, layout `{LAYOUT:016x}`.", ""]
     for name, dtype in RECORDS.items():
         lines += [f"### rig_{name}", "", f"`struct rig_{name}`, {dtype.itemsize} bytes: {_COMMENTS[name]}.", ""]
-        lines += ["| offset | field | type | meaning |", "|---|---|---|---|", *map(_table_row, walk(dtype)), ""]
+        rows = [_table_row(field, name) for field in walk(dtype)]
+        lines += ["| offset | field | type | meaning |", "|---|---|---|---|", *rows, ""]
     # The names behind the indices of the records, with the unit where the name has none.
     indices = {"signal": [f"`{one.name}` | {i}, {one.unit}" for i, one in enumerate(SIGNALS)]}
     named = {
@@ -283,14 +297,16 @@ def markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table_row(field: Entry) -> str:
+def _table_row(field: Entry, record: str) -> str:
     kind = f"rig_{field.record}" if field.record else field.base.str[1:]
-    return f"| {field.offset} | `{field.name}` | {kind}{_extent(field)} | {_meaning(field.name)} |"
+    return f"| {field.offset} | `{field.name}` | {kind}{_extent(field)} | {_meaning(field.name, record)} |"
 
 
-def _meaning(name: str) -> str:
+def _meaning(name: str, record: str) -> str:
     if name.startswith("pad_"):
         return "zero"
+    if record == "law_input" and name in _READ_BY_LAW:
+        return _READ_BY_LAW[name]
     if name in _MEANINGS:
         return _MEANINGS[name]
     field = FIELD.get(name)

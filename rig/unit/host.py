@@ -23,8 +23,9 @@ USUAL_BYTES = 24  # magic to session: the same in all frames of a session
 HELLO, CONFIG, FRAME, END, READY, REFUSED = range(1, 7)
 AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
 LOOKS = "RIG_UNIT_LOOKS"  # in the environment of what the rig starts
+_LAW_INPUT = "law_input"  # the size that says that the unit is a control law
 LOOKS_PER_LOOK = 4  # what one of Python takes is as long as so many of compiled code
-FUNCTIONS = ("rig_unit_open", "rig_unit_step", "rig_unit_close")
+STEP, LAW = "rig_unit_step", "rig_unit_law"  # of a frame: the second of a control law
 
 
 def looks() -> int:
@@ -41,15 +42,20 @@ class Library:
 
     kind = "library"  # its text about itself
 
-    def __init__(self, path: str, layouts: Sequence[int]) -> None:
-        """Load a library.  Refused: none, missing functions, or records not in ``layouts`` (newest first)."""
+    def __init__(self, path: str, layouts: Sequence[int], step: str = STEP) -> None:
+        """Load a library.  Refused: none, missing functions, or records not in ``layouts`` (newest first).
+
+        step : STEP or LAW
+        """
+        functions = ("rig_unit_open", step, "rig_unit_close")
         try:
             self._library = ctypes.CDLL(str(Path(path).resolve()))
         except OSError as error:
             raise Refused(f"{path} cannot be loaded as a library: {error}") from None
-        missing = [name for name in FUNCTIONS if not hasattr(self._library, name)]
+        missing = [name for name in functions if not hasattr(self._library, name)]
         if missing:
-            raise Refused(f"{path} has no function {missing[0]}; a unit needs {', '.join(FUNCTIONS)}")
+            whose = "a control law" if step == LAW else "a unit"
+            raise Refused(f"{path} has no function {missing[0]}; {whose} needs {', '.join(functions)}")
         self.layout = layouts[0]
         with suppress(ValueError):  # not every language writes it
             self.layout = ctypes.c_uint64.in_dll(self._library, "rig_unit_layout").value
@@ -57,7 +63,7 @@ class Library:
                 built, ours = f"{self.layout:016x}", f"{layouts[0]:016x}"
                 again = "write the header again ('rig unit header') and rebuild"
                 raise Refused(f"{path} was built for layout {built}, this rig has {ours}: {again}")
-        self._open, self.step, self._close = (getattr(self._library, name) for name in FUNCTIONS)
+        self._open, self.step, self._close = (getattr(self._library, name) for name in functions)
         self._open.argtypes, self.step.argtypes = (ctypes.c_void_p,), (ctypes.c_void_p, ctypes.c_void_p)
         self._close.restype = None
         self._opened = False
@@ -82,6 +88,7 @@ class ReplyChannel:
     def __init__(self, connection: socket.socket, blank: bytes, sizes: dict[str, int]) -> None:
         """Take ``blank``: an answer with only its head and length."""
         self.socket, self.blank, self.sizes = connection, blank, sizes
+        self.step = LAW if _LAW_INPUT in sizes else STEP  # the function of a frame
 
     def reply(self, kind: int, request: bytes | memoryview, text: str, greeting: bool = False) -> None:
         """Send READY or REFUSED to ``request``; a greeting has no session, it only reports the unit."""
@@ -149,7 +156,7 @@ class Host:
 
     def _refuse(self, message: memoryview, code: int) -> None:
         self._output[:] = self._channel.blank
-        self._channel.reply(REFUSED, message, f"rig_unit_step returned {code}")
+        self._channel.reply(REFUSED, message, f"{self._channel.step} returned {code}")
 
     def _configure(self, message: memoryview) -> None:
         """Keep a part of the configuration; the last one opens the library."""
@@ -205,7 +212,7 @@ def _address(buffer: bytearray) -> int:
 _held: list[object] = []
 
 
-def serve(arguments: list[str], load: Callable[[str, Sequence[int]], Library], host: type[Host] = Host) -> None:
+def serve(arguments: list[str], load: Callable[[str, Sequence[int], str], Library], host: type[Host] = Host) -> None:
     """Serve the unit that ``load`` returns for the path of ``arguments``, until the connection ends; also for FMUs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # one that the library raises is no Ctrl-C, which is the rig's
     fd, path, blank, *sizes = arguments
@@ -213,14 +220,14 @@ def serve(arguments: list[str], load: Callable[[str, Sequence[int]], Library], h
     blanks = {HEAD.unpack_from(one)[3]: one for one in map(bytes.fromhex, blank.split(","))}  # by layout
     channel = ReplyChannel(socket.socket(fileno=int(fd)), next(iter(blanks.values())), named)
     try:
-        library = load(path, [*blanks])
+        library = load(path, [*blanks], channel.step)
     except Refused as reason:
         channel.reply(REFUSED, channel.blank, str(reason))
         channel.socket.recv(1)  # wait until it has been read
         return
     channel.blank = blanks[library.layout]
     _, version, *_ = HEAD.unpack_from(channel.blank)
-    named["input"] = named[f"input_{version}"]
+    named["input"] = named.get(_LAW_INPUT, named[f"input_{version}"])
     channel.reply(READY, channel.blank, library.kind)
     host(channel, library).serve()
 

@@ -20,7 +20,7 @@ from rig.core.frame import SIGNALS, S
 from rig.core.settings import in_frames
 from rig.scenario.aircraft import default_boxes, default_stale_frames
 from rig.unit.ready_message import REBUILD, UnitStopped
-from rig.unit.unit_records import INTERFACE, MORE_THAN_HALF, SINCE, Interface
+from rig.unit.unit_records import INTERFACE, MORE_THAN_HALF, SINCE, Interface, Role
 
 _NAMES: Final = [signal.name for signal in SIGNALS]
 Unasked = Mapping[str, NDArray[Any]]  # by field: (S,) values that were not asked for
@@ -55,6 +55,10 @@ def config_for(interface: Interface, config: NDArray[Any]) -> NDArray[np.uint8]:
     config["version"], config["layout"] = interface.version, interface.layout
     if interface == INTERFACE:
         return config.view(np.uint8)
+    if config["role"][0] == Role.CONTROL_LAW and SINCE["law_input"] > interface.version:
+        raise UnitStopped(
+            f"was built for version {interface.version} of the records, which has no role control-law: {REBUILD}"
+        )
     if key := asked_since(interface, config, unasked(config)):
         raise UnitStopped(f"was built for version {interface.version} of the records, which has no {key}: {REBUILD}")
     told = config.copy()

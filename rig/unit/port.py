@@ -27,6 +27,8 @@ from rig.unit.unit_records import (
     FROM_UNIT,
     INPUT,
     INTERFACE,
+    LAW_INPUT,
+    OF_LAW,
     OUTPUT,
     REFERENCES,
     TO_UNIT,
@@ -36,6 +38,7 @@ from rig.unit.unit_records import (
     Said,
     Status,
     blank,
+    input_of,
     place,
     walk,
 )
@@ -55,7 +58,7 @@ RECEIVED, BLANK, ASSUMED, FLOWN = range(4)
 class Outbound(NamedTuple):
     """The record to the unit."""
 
-    sent: NDArray[Any]  # (1,) INPUT
+    sent: NDArray[Any]  # (1,) INPUT or LAW_INPUT
     sent_bytes: NDArray[np.uint8]  # the same
     rate_hz: float
 
@@ -99,13 +102,13 @@ def new_port(
     fitted : (S,) channels of each signal, four if not given
     unsaid : which of ``state`` and ``level`` the unit does not fill in their group
     """
-    sent = blank(INPUT, TO_UNIT, Kind.FRAME, session, interface)
+    sent = blank(input_of(role), TO_UNIT, Kind.FRAME, session, interface)
     records = np.repeat(blank(OUTPUT, FROM_UNIT, Kind.REPLY, session), 4 + latency_frames)
     records["voted"], records["state"], records["surface"], records["frame"] = np.nan, State.ABSENT, trim, -1
     records["law"], fitted = Law.EXTERNAL, np.full(S, CHANNELS) if fitted is None else fitted
     records["state"][ASSUMED][np.arange(CHANNELS) < fitted[:, None]] = State.OK
     records["level"][ASSUMED] = fitted
-    needed = Said.SURFACE if role is Role.FLIGHT_COMPUTER else Said.VOTED
+    needed = Said.VOTED if role is Role.REDUNDANCY else Said.SURFACE
     back = Inbound(
         records=records,
         bytes=records.view(np.uint8).reshape(len(records), -1),
@@ -150,12 +153,13 @@ def _limits() -> NDArray[np.int64]:
 _READ: Final = (*REFERENCES, *(field.name for field in FIELDS if field.part == "bus"))
 # Constants of the kernels.
 _OUT: Final = _moves(dict.fromkeys(_READ, 0), FLAT, INPUT)
+_OUT_TO_LAW: Final = _moves(dict.fromkeys(OF_LAW, 0), FLAT, LAW_INPUT)
 _GROUPS: Final = _moves({**ANSWERS, "said": 0}, OUTPUT, OUTPUT)
 _VOTES: Final = _moves({name: 0 for name in ANSWERS if name not in _OWN_CONTROL}, OUTPUT, FLAT)
 _CONTROL: Final = _moves(dict.fromkeys(_OWN_CONTROL, 0), OUTPUT, FLAT)
 _LIMITS: Final = _limits()
 _EXTERNAL, _UNSAID_LAW = Law.EXTERNAL.value, Law.AUTOPILOT.value
-_WITH_SURFACES: Final = int(Role.FLIGHT_COMPUTER)
+_REDUNDANCY, _CONTROL_LAW = int(Role.REDUNDANCY), int(Role.CONTROL_LAW)
 _SURFACES: Final = len(SURFACES)
 _SELF_TEST, _LAST_STATUS = Status.SELF_TEST.value, max(Status).value
 _OUTPUTS: Final = 8  # output discretes
@@ -200,6 +204,13 @@ def fill(raw, k, frame, port):
 
 
 @kernel
+def fill_law(raw, k, frame, port):
+    """Write row k, which has its votes, into the record for a control law; as ``fill``."""
+    port.sent[0]["frame"], port.sent[0]["time_s"] = frame, frame / port.rate_hz
+    move(raw[k], port.sent_bytes, _OUT_TO_LAW)
+
+
+@kernel
 def take(raw, k, port, status):
     """Write the flown values of frame k into its row: the new answer if its ``status`` and content allow it.
 
@@ -215,8 +226,9 @@ def take(raw, k, port, status):
         status = UnitStatus.REFUSED.value
     elif answers:
         accept(port)
-    move(port.bytes[FLOWN], raw[k], _VOTES)
-    if port.role == _WITH_SURFACES:
+    if port.role != _CONTROL_LAW:
+        move(port.bytes[FLOWN], raw[k], _VOTES)
+    if port.role != _REDUNDANCY:
         move(port.bytes[FLOWN], raw[k], _CONTROL)
     return status
 

@@ -17,8 +17,6 @@ from rig.core.errors import BadInput, RigError, UnitDead, UnitRefused
 from rig.core.frame import UnitStatus
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind
-from rig.unit import fmu
-from rig.unit import transport as links
 from rig.unit.compiled_exchange import (
     FOREVER_NS,
     CompiledExchange,
@@ -32,17 +30,17 @@ from rig.unit.compiled_exchange import (
 from rig.unit.host import Refused
 from rig.unit.news import News
 from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
+from rig.unit.reach import reach
 from rig.unit.ready_message import UnitStopped, summed
 from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
 from rig.unit.transport import MOST_BYTES, Disconnected, LibraryLink, SocketLink, clock
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import INTERFACE, Interface, Role
+from rig.unit.unit_records import INTERFACE, Interface, role_of, size_of
 
 _MOST_RESTARTS: Final = 10
 _MOST_LATE: Final = 1000  # messages that are read after the last frame
 _ANSWERED, _HELD, _DEAD = UnitStatus.ANSWERED.value, UnitStatus.HELD.value, UnitStatus.DEAD.value  # used in every frame
-_ROLES: Final = {"redundancy": Role.REDUNDANCY, "flight-computer": Role.FLIGHT_COMPUTER}
 _AFTER_RESTART_S: Final = 0.2  # in which an answer still shows that it has not restarted: its READY was old
 _NO_FRAME: Final = -(2**63) - 1  # beyond what a message can hold: none answers it
 _FOREVER: Final = float("inf")
@@ -61,12 +59,13 @@ class UnitUnderTest:
 
         crowded : other flights use the cores, so that neither side should poll for a message
         """
-        self.unit, self.role, self._patience = unit, _ROLES[unit.role], patience(crowded)
+        self.unit, self.role, self._patience = unit, role_of(unit.role), patience(crowded)
         self.lane: str | None = unit.lane  # of several computers
         self.said, self.printed = "", ""  # its text about itself; its standard output, known when it is closed
         self.end_wrong, self._begun = "", False  # how it ended if not as it was told to, known then, too
         self._took_ns = memoryview(bytearray(8)).cast("q")  # of the last frame
         self.dead = False
+        self.voter = None if unit.beside is None else UnitUnderTest(unit.beside, crowded)  # for a control law
         self._link: SocketLink | LibraryLink | None = None  # another one after a restart
         self._message = np.zeros(MOST_BYTES, np.uint8)
         self._into = self._message.data
@@ -75,7 +74,7 @@ class UnitUnderTest:
     def link(self) -> SocketLink | LibraryLink:
         """The unit, which is started or connected to if it is not yet.  BadInput."""
         if self._link is None:
-            self._link = _reach(self.unit, self._patience.looks)
+            self._link = reach(self.unit, self._patience.looks)
         return self._link
 
     def prepare(self, config: NDArray[Any]) -> bool:
@@ -110,7 +109,7 @@ class UnitUnderTest:
         self.compiled = new_exchange(self.port, self._session, self._message, interface)
         self._took_ns, self.news = self.compiled.state["took_ns"].data, News(self.port.back)
         out, back = self.port
-        self._sent = out.sent_bytes.data[: interface.input_bytes]
+        self._sent = out.sent_bytes.data[: size_of(out.sent.dtype, interface)]
         self._received = back.bytes[RECEIVED].data[: interface.known_bytes]
 
     @property
@@ -135,6 +134,8 @@ class UnitUnderTest:
 
     def end(self) -> None:
         """End the session.  RigError: a library in this process has changed its floating-point rounding."""
+        if self.voter is not None and self.voter._begun:
+            self.voter.end()
         if not isinstance(self.link, LibraryLink):
             self._count_late(self.link)
             end_session(self.link, self._session)
@@ -155,6 +156,9 @@ class UnitUnderTest:
 
     def close(self) -> None:
         """End the unit and all its processes; append a fault of its end to its output."""
+        if self.voter is not None:
+            self.voter.close()
+            self.printed += self.voter.printed
         if self._link is None:
             return
         process = self._link.process
@@ -178,7 +182,7 @@ class UnitUnderTest:
     @property
     def reply_us(self) -> float:
         """Reply time of the last frame: from sending it, or of the library's call."""
-        return self._took_ns[0] * 1e-3
+        return self._took_ns[0] * 1e-3 + (0.0 if self.voter is None else self.voter.reply_us)
 
     def until_ns(self, frame: int) -> int:
         """Return the end of the wait for the answer to ``frame``, by ``clock``; not for the first frame of a flight."""
@@ -216,7 +220,7 @@ class UnitUnderTest:
             )
         link, (state,) = self.link, self.compiled.state
         if isinstance(link, LibraryLink):
-            return self._call(state)
+            return self._call(link, state)
         sent, count, last = state["sent"], int(state["count"]), (int(state["frame"]), int(state["stepped"]))
         clear(self.compiled)
         self.replies.catch_up(*last)
@@ -238,14 +242,14 @@ class UnitUnderTest:
                 until = min(until, clock() + _AFTER_RESTART_S) if count else until
             count = 0
 
-    def _call(self, state: Any) -> int:
+    def _call(self, link: LibraryLink, state: Any) -> int:
         """Step a library of this process, unless ``try_exchange`` has; state : of the compiled exchange."""
         if not state["sent"]:
             self._try(self.port, self.compiled, 0)
         code = int(state["code"])
         clear(self.compiled)
         if code:
-            raise UnitStopped(f"failed: rig_unit_step returned {code}")
+            raise UnitStopped(f"failed: {link.failure(code)}")
         return _ANSWERED
 
     @property
@@ -290,7 +294,7 @@ class UnitUnderTest:
         """Start a new process with CONFIG and the present frame; the unit has lost its latches."""
         self.close()
         self.replies.counts.restarts += 1
-        self._link = _reach(self.unit, self._patience.looks)
+        self._link = reach(self.unit, self._patience.looks)
         self.replies.begin_again()
         if self._open() != self.replies.interface:
             raise UnitStopped("has another version of the records")
@@ -317,7 +321,11 @@ class UnitUnderTest:
         counts = self.replies.counts
         counts.answered, counts.not_finite = map(int, self.port.back.counts[[ACCEPTED, NOT_FINITE]])
         of_itself = self.news.result()
-        return {"said": self.said, **asdict(counts), **of_itself, "reproducible": counts.reproducible}
+        found = {"said": self.said, **asdict(counts), **of_itself, "reproducible": counts.reproducible}
+        if self.voter is not None:
+            found["voter"] = {"name": self.voter.unit.name, **self.voter.result()}
+            found["reproducible"] &= found["voter"]["reproducible"]
+        return found
 
 
 @overload
@@ -336,14 +344,3 @@ def running(unit: Unit | Path | str | None) -> Iterator[UnitUnderTest | None]:
     finally:
         if tested is not None:
             tested.close()
-
-
-def _reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
-    unit.require_unchanged()
-    if unit.transport == "library":
-        return links.child(unit, looks) if unit.isolate else LibraryLink(unit)
-    if unit.transport == "udp":
-        return links.udp(unit, looks)
-    if unit.transport == "fmu":
-        return fmu.child(unit, looks)
-    raise BadInput(f"{unit.source}: transport {unit.transport} cannot be flown here")

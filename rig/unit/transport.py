@@ -16,7 +16,7 @@ import numpy as np
 
 from rig.core.errors import BadInput
 from rig.core.files import is_file, is_folder
-from rig.unit.host import Library, Refused
+from rig.unit.host import LAW, STEP, Library, Refused
 from rig.unit.older_versions import config_for
 from rig.unit.processes import UnitProcess
 from rig.unit.ready_message import UnitStopped, read_ready
@@ -26,6 +26,7 @@ from rig.unit.unit_records import (
     FROM_UNIT,
     INPUT,
     INTERFACES,
+    LAW_INPUT,
     OUTPUT,
     PART,
     PART_BYTES,
@@ -129,6 +130,7 @@ def hosted(
         "text": TEXT_BYTES,
         **{f"input_{interface.version}": interface.input_bytes for interface in INTERFACES.values()},
         "message": MOST_BYTES,
+        **({"law_input": LAW_INPUT.itemsize} if unit.replaces_law else {}),
     }
     arguments = [f"{name}={size}" for name, size in sizes.items()]
     blanks = (
@@ -227,7 +229,8 @@ class LibraryLink:
     def __init__(self, unit: Unit) -> None:
         """Load the library.  BadInput: no library, or not one of a unit."""
         try:
-            self._library = Library(str(unit.file), [layout for _, layout in INTERFACES])
+            self._function = LAW if unit.replaces_law else STEP
+            self._library = Library(str(unit.file), [layout for _, layout in INTERFACES], self._function)
         except Refused as reason:
             raise BadInput(f"{unit.source}: {reason}") from None
         self.environment = Environment()
@@ -240,6 +243,10 @@ class LibraryLink:
         """Begin a session; Refused, UnitStopped."""
         self._config = config_for(self.interface, config)  # the library may keep its address
         self._library.open(self._config.ctypes.data)
+
+    def failure(self, code: int) -> str:
+        """Return the reason of a step that returned ``code``."""
+        return f"{self._function} returned {code}"
 
     def close(self) -> str:
         """End the session; return no fault, because this process would not survive one."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
-from rig.core.difference import difference
 from rig.core.errors import BadInput
 from rig.core.files import is_file, is_folder, open_regular, reported
 from rig.core.frame import COMPUTERS
@@ -22,7 +20,6 @@ LARGEST_FILE: Final = 1 << 30  # bytes of a library, an FMU or a program
 LOOPBACK: Final = re.compile(r"127\.\d+\.\d+\.\d+|localhost")
 _ADDRESS: Final = re.compile(r"([\w.-]+):(\d{1,5})")
 _IS: Final = {"library": "a library", "fmu": "an FMU, one file"}
-_BUILD: Final = 12  # characters of a hash that are shown
 _NEEDS: Final = {"library": "path", "fmu": "path", "python": "manager"}
 
 
@@ -43,10 +40,12 @@ class Unit(Settings):
     keys_are_in: ClassVar[str] = "rig unit schema"
 
     name: str = Field(min_length=1, max_length=60)
-    role: Literal["redundancy", "flight-computer"] = "redundancy"
+    role: Literal["redundancy", "flight-computer", "control-law"] = "redundancy"
     transport: Literal["library", "udp", "fmu", "python"] = "library"
     path: str | None = None  # of a library or an FMU, from the folder of the unit file
     manager: str | None = None  # module:name, of the transport python
+    law: str | None = None  # the same for the role control-law
+    voter: str | None = None  # of a control law: the unit file that votes for it, from the folder of this one
     command: list[str] | None = Field(default=None, min_length=1)  # udp: started by the rig; {address} is the rig's own
     address: str | None = None  # udp: of a unit that runs already
     remote: bool = False  # an address that is not of this machine may be used
@@ -66,6 +65,7 @@ class Unit(Settings):
     _folder: Path = PrivateAttr(default=Path())  # of the unit file
     _source: str = PrivateAttr(default="")  # the unit file as it was named
     _hashes: dict[str, str] | None = PrivateAttr(default=None)  # of all its files, when they were first read
+    _voter: Unit | None = PrivateAttr(default=None)  # of ``voter``
 
     @field_validator("path", "command")
     @classmethod
@@ -103,9 +103,14 @@ class Unit(Settings):
 
     @model_validator(mode="after")
     def _fits_its_transport(self) -> Unit:
-        needed = _NEEDS.get(self.transport)
+        needed = "law" if self.transport == "python" and self.replaces_law else _NEEDS.get(self.transport)
         if needed is not None and getattr(self, needed) is None:
             raise ValueError(f"{needed}: missing; the transport {self.transport} needs it")
+        for key in ("manager", "law"):
+            if getattr(self, key) is not None and key != needed:
+                raise ValueError(f"{key}: not with the transport {self.transport} and the role {self.role}")
+        if self.voter is not None and (self.role != "control-law" or self.lane is not None):
+            raise ValueError("voter: only of a control law that is no lane")
         if self.transport == "udp" and (self.command is None) == (self.address is None):
             raise ValueError("transport udp: needs either command, which the rig starts, or address, of a running unit")
         if self.address is not None and not self.remote and not LOOPBACK.fullmatch(self.host_and_port[0]):
@@ -124,6 +129,26 @@ class Unit(Settings):
             own = "runs already" if self.address is not None else "runs in the process of the rig"
             raise ValueError(f"environment: the unit {own}; variables need a process that the rig starts for it")
         return self
+
+    @property
+    def replaces_law(self) -> bool:
+        """True if the rig votes, and the unit commands the surfaces."""
+        return self.role == "control-law"
+
+    @property
+    def beside(self) -> Unit | None:
+        """The unit that votes for a control law."""
+        return self._voter
+
+    @property
+    def votes(self) -> bool:
+        """True if the unit, or the one beside it, replaces the manager."""
+        return not self.replaces_law or self.voter is not None
+
+    @property
+    def is_manager(self) -> bool:
+        """True for a manager class in Python, which flies as ``redundancy.manager``."""
+        return self.manager is not None
 
     @property
     def host_and_port(self) -> tuple[str, int]:
@@ -148,7 +173,10 @@ class Unit(Settings):
 
     @property
     def file(self) -> Path:
-        """The library, the FMU or the started program; an empty path for a box and a class."""
+        """The library, the FMU, the started program or the module of a law; an empty path for a box and a manager."""
+        if self.law is not None:
+            module = self.law.partition(":")[0].replace(".", "/")
+            return next(filter(is_file, (self._folder / f"{module}.py", Path(f"{module}.py"))), Path())
         if self.path is not None:
             return self._folder / self.path
         if self.command is None:
@@ -195,6 +223,10 @@ class Unit(Settings):
 
     def build(self) -> str:
         """Return the hash that changes with the unit: with one of its files, and with its environment.  BadInput."""
+        if self._voter is not None:
+            both = self.model_copy(update={"voter": None}), self._voter
+            both[0]._voter = None
+            return hashlib.sha256("".join(unit.build() for unit in both).encode()).hexdigest()
         if not self.environment and self.hashes().keys() <= {self._named}:
             return self.sha256()
         what = [self.sha256(), self.hashes(), self.environment]
@@ -202,48 +234,17 @@ class Unit(Settings):
 
     def about(self) -> dict[str, Any]:
         """Return the settings for a log, with the hash of each file."""
-        return {**self.model_dump(exclude_none=True), "read_sha256": self.hashes(), "sha256": self.sha256()}
+        return {**self.settings(), "read_sha256": self.hashes(), "sha256": self.sha256()}
+
+    def settings(self, of_voter: str = "about") -> dict[str, Any]:
+        """Return the settings, with what a method of the voter returns."""
+        voter = {} if self._voter is None else {"voter": getattr(self._voter, of_voter)()}
+        return {**self.model_dump(exclude_none=True), **voter}
 
     def identity(self) -> dict[str, Any]:
         """Return the settings and the build, which decide the flights of a campaign.  BadInput."""
-        return {**self.about(), "sha256": self.build()}
-
-
-def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Return what differs of what two units read, a line each; was, now : as of ``about``, or of ``identity``."""
-    files = "read_sha256" if "read_sha256" in was else "sha256"  # in a log or folder of an earlier version
-    return difference(*({key: one[key] for key in ("environment", files) if key in one} for one in (was, now)))
-
-
-def what_it_reads(unit: Mapping[str, Any]) -> str:
-    """Return what a unit reads, for a person: ``files median.so 0a1b2c3d4e5f; environment VOTER=mean``.
-
-    unit : as of ``about``; empty for a unit of an earlier version, a box, or none
-    """
-    files = ", ".join(f"{name} {digest[:_BUILD]}" for name, digest in sorted(unit.get("read_sha256", {}).items()))
-    variables = ", ".join(f"{name}={value}" for name, value in sorted(unit.get("environment", {}).items()))
-    return "; ".join(f"{what} {text}" for what, text in (("files", files), ("environment", variables)) if text)
-
-
-def voter(manager: str, unit: str | None = None, lane: str | None = None) -> str:
-    """Return the voter of a flight, as every command names it: the ``unit`` under test, or without one the manager.
-
-    lane : the lane that the unit replaced, if there are several computers
-    """
-    if lane is not None:
-        return f"manager {manager}, unit {unit} as lane {lane}"
-    return f"manager {manager}" if unit is None else f"unit {unit}"
-
-
-def voted_by(manager: str, unit: Mapping[str, Any] | None) -> str:
-    """Return the voter for the column ``manager`` of ``runs``: ``mean``, or ``unit mvs 0a1b2c3d4e5f``.
-
-    unit : its settings, and its build as ``sha256``; a box at an address has none
-    """
-    if unit is None:
-        return manager
-    named = f"{unit['name']} {unit.get('sha256', '')[:_BUILD]}".rstrip()
-    return voter(manager, named, unit.get("lane"))
+        read = {"read_sha256": self.hashes(), "sha256": self.build()}
+        return {**self.settings("identity"), **read}
 
 
 def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
@@ -255,7 +256,9 @@ def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
     if lane is not None and lane not in COMPUTERS:
         raise BadInput(f"--lane {lane}: must be one of {', '.join(COMPUTERS)}")
     unit = unit if lane is None else unit.model_copy(update={"lane": lane})
-    if unit.lane is not None and unit.transport == "python":
+    if unit.lane is not None and unit.voter is not None:
+        raise BadInput(f"{unit.source}: voter: only of a control law that is no lane")
+    if unit.lane is not None and unit.is_manager:
         raise BadInput(f"{unit.source}: lane: a Python class replaces the manager, and cannot be one of several lanes")
     return unit
 
@@ -271,4 +274,19 @@ def read_unit(path: Path | str) -> Unit:
     if wrong := wrong_preload(unit.environment, unit.folder):
         raise BadInput(f"{path}: environment: {wrong}")
     unit.hashes()
+    if unit.voter is not None:
+        unit._voter = _read_voter(unit, path)
     return unit
+
+
+def _read_voter(unit: Unit, path: Path) -> Unit:
+    """Read the unit that votes for a control law.  BadInput."""
+    where = f"{path}: voter: {unit.voter}"
+    if not is_file(unit.folder / str(unit.voter)):
+        raise BadInput(f"{where}: no such file")
+    voter = read_unit(unit.folder / str(unit.voter))
+    if voter.role != "redundancy" or voter.lane is not None:
+        raise BadInput(f"{where}: must have the role redundancy, and no lane")
+    if voter.is_manager:
+        raise BadInput(f"{where}: a manager in Python votes as redundancy.manager, without a unit file")
+    return voter

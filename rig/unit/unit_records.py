@@ -22,7 +22,7 @@ from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy,
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 from rig.core.renamed import in_layout
 
-VERSION: Final = 3  # of the interface; a change of a field changes LAYOUT alone
+VERSION: Final = 4  # of the interface; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
 PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
 NAME_BYTES, TEXT_BYTES = 64, 192
@@ -57,6 +57,7 @@ class Role(IntEnum):
 
     REDUNDANCY = 0  # channels in, votes and states out
     FLIGHT_COMPUTER = 1  # surfaces out
+    CONTROL_LAW = 2  # votes in, surfaces out
 
 
 class Status(IntEnum):
@@ -69,6 +70,11 @@ class Status(IntEnum):
     POWER_UP = 4
 
 
+# What the rig gives to a control law: all that its own law reads, and which discretes are lost.
+OF_LAW: Final = (
+    *("autopilot_command", "inertial", "voted", "reference", "level", "reference_usable"),
+    *("discrete_voted", "discrete_level"),
+)
 # Besides BUS: what the rig computes from the unit's last votes, NaN where there is none.
 REFERENCES: Final = ("reference", "second_reference")
 ANSWERS: Final[dict[str, Said]] = {
@@ -100,10 +106,18 @@ ENUMS: Final[tuple[type[IntEnum] | type[IntFlag], ...]] = (
 )
 
 
+# Values of enums that are newer than their enum, by the version that brought them.
+_NEW_VALUES: Final = {
+    ("DecidedBy", "SLOW"): 2,
+    ("DecidedBy", "LANE"): 3,
+    ("DecidedBy", "GIVEN_UP"): 3,
+    ("Role", "CONTROL_LAW"): 4,
+}
+
+
 def members(enum: type[IntEnum] | type[IntFlag], version: int = VERSION) -> list[IntEnum | IntFlag]:
     """Return the values of an enum that a unit of a version of the records may read or write."""
-    since = {DecidedBy.SLOW: 2, DecidedBy.LANE: 3, DecidedBy.GIVEN_UP: 3}
-    return [member for member in enum if not isinstance(member, DecidedBy) or version >= since.get(member, 1)]
+    return [member for member in enum if version >= _NEW_VALUES.get((enum.__name__, str(member.name)), 1)]
 
 
 _Entry = tuple[str, Any, tuple[int, ...]]
@@ -192,10 +206,11 @@ PART: Final = _packed(
 _ASKED: Final = [*_HEAD, *_of_frame([*REFERENCES, *(field.name for field in FIELDS if field.part == "bus")])]
 _ANSWERED: Final = [*_HEAD, ("stepped", "<u8", ()), *_of_frame([*ANSWERS]), ("said", "u1", ())]
 _OF_ITSELF: Final = [("fault_word", "<u4", ()), ("status", "<u2", ()), ("output_discretes", "u1", (8,))]
+LAW_INPUT: Final = _packed([*_HEAD, *_of_frame([*OF_LAW]), *_TAIL])  # INPUT of a control law
 INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
 OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
-# The version in which a field of CONFIG, INPUT or OUTPUT came; 1 where none is given.
-SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "slow_faults": 2, "rules": 3}
+# The version in which a record, or a field of CONFIG, INPUT or OUTPUT, came; 1 where none is given.
+SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "slow_faults": 2, "rules": 3, "law_input": 4}
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
@@ -206,6 +221,7 @@ RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "config": CONFIG,
     "config_part": PART,
     "input": INPUT,
+    "law_input": LAW_INPUT,
     "output": OUTPUT,
 }
 
@@ -288,8 +304,22 @@ def blank(
     record = np.zeros(1, dtype)
     record["magic"], record["version"], record["kind"] = magic, interface.version, kind
     record["layout"], record["session"] = interface.layout, session
-    size = {CONFIG: interface.config_bytes, INPUT: interface.input_bytes, OUTPUT: interface.output_bytes}.get(
-        dtype, dtype.itemsize
-    )
+    size = size_of(dtype, interface)
     record.view("u1")[size - 8 : size - 4] = np.frombuffer((size - 8).to_bytes(4, "little"), "u1")
     return record
+
+
+def size_of(dtype: np.dtype[Any], interface: Interface) -> int:
+    """Return the bytes of a record in a version."""
+    sizes = {CONFIG: interface.config_bytes, INPUT: interface.input_bytes, OUTPUT: interface.output_bytes}
+    return sizes.get(dtype, dtype.itemsize)
+
+
+def role_of(name: str) -> Role:
+    """Return the role of its name in a unit file: ``control-law``."""
+    return Role[name.replace("-", "_").upper()]
+
+
+def input_of(role: Role) -> np.dtype[Any]:
+    """Return the record that a unit of a role reads in every frame."""
+    return LAW_INPUT if role is Role.CONTROL_LAW else INPUT

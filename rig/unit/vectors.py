@@ -27,7 +27,7 @@ from rig.core.files import NOT_WHOLE, reported
 from rig.core.frame import DISCRETES, SIGNALS, UnitStatus
 from rig.unit.port import RECEIVED, complete
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_records import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OUTPUT, SINCE, Said
+from rig.unit.unit_records import ANSWERS, CONFIG, HELLO, INPUT, LAYOUT, OF_LAW, OUTPUT, SINCE, Role, Said
 
 FILE: Final = Path(__file__).with_name("vectors.npz")
 BODY: Final = tuple(  # that all versions have
@@ -78,7 +78,7 @@ def save(cases: list[Case], path: Path = FILE) -> None:
 
 
 def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -> NDArray[Any]:
-    """Return the answers of a unit to ``inputs`` (n,) in one session: (n,) OUTPUT.  UnitRefused.
+    """Return the answers of a unit to ``inputs`` (n,), INPUT or LAW_INPUT, in one session: (n,) OUTPUT.  UnitRefused.
 
     Frames without an answer stay zero, their ``frame`` -1.
     """
@@ -93,12 +93,12 @@ def answers(tested: UnitUnderTest, config: NDArray[Any], inputs: NDArray[Any]) -
 
 
 def ask(tested: UnitUnderTest, record: Any, k: int) -> bool:
-    """Send the body of an INPUT record to a unit as frame k of its session; return True if it was answered.
+    """Send the body of a record to a unit as frame k of its session; return True if it was answered.
 
-    Missing groups of its answer are then filled as in a flight.
+    Missing groups of its answer are then filled as in a flight.  record : INPUT, or LAW_INPUT for a control law
     """
     port = tested.port.out
-    for name in BODY:
+    for name in OF_LAW if tested.role is Role.CONTROL_LAW else BODY:
         port.sent[name] = record[name]
     port.sent["frame"], port.sent["time_s"] = k, k / port.rate_hz
     try:

@@ -131,10 +131,13 @@ class FlightOutcome(Outcome):
 
     window_s : after an onset, for which the load factor is looked at
     unit_lane : of several computers, the one whose software is a unit under test, A to D
+    unit_votes : False if a unit under test replaces the control law alone
     """
 
-    def __init__(self, scenario: Scenario, window_s: float, unit_lane: str | None = None) -> None:
-        self.scenario, monitored = scenario, of_scenario(scenario)
+    def __init__(
+        self, scenario: Scenario, window_s: float, unit_lane: str | None = None, unit_votes: bool = True
+    ) -> None:
+        self.scenario, self.unit_votes, monitored = scenario, unit_votes, of_scenario(scenario)
         faults = fault_records(scenario.faults, monitored, FLIGHT_PLACES, scenario.redundancy)
         super().__init__(monitored, faults, round(window_s * scenario.rate_hz))
         on_signals = faults[(faults["signal"] >= 0) & (faults["discrete"] == 0)]

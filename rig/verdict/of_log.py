@@ -24,7 +24,7 @@ from rig.log import Log, LogFile, scenario_of, unit_of
 from rig.scenario.pressed_keys import pressed
 from rig.scenario.scenario import Scenario, from_resolved
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_file import differences, voter
+from rig.unit.unit_facts import differences, voter, votes
 from rig.verdict.conclusion import conclusion, not_scored
 from rig.verdict.flight_tally import FlightOutcome
 from rig.verdict.score_records import Score, Yardstick
@@ -101,13 +101,13 @@ def score_log(
     times, answers = Times(), list[NDArray[Any]]()
     blocks, other = _gone_through(log, times, answers), _baseline(log, scenario, unit) if baseline else None
     try:
-        scored = score_blocks(scenario, blocks, other, yardstick, unit_facts.get("lane"))
+        scored = score_blocks(scenario, blocks, other, yardstick, unit_facts.get("lane"), votes(unit_facts))
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     exchanges = json.loads(log.result["unit"]) if "unit" in log.result else None
     concluded = conclusion(scenario, scored)
     digest = log.result.get("digest", "")
-    voted_by = voter(scenario.redundancy.manager, unit_facts.get("name"), unit_facts.get("lane"))
+    voted_by = voter(scenario.redundancy.manager, unit_facts)
     missed = misses(np.concatenate(answers)) if unit_facts.get("on_miss") == "fault" else []
     return Scored(path, scenario, digest, scored, exchanges, times.as_dict(), missed, concluded, voted_by)
 
@@ -141,9 +141,9 @@ class FlightConclusion:
         self._refused = "a flight is scored from its frame 0 on"
         self._baseline, self._truth = baseline, list[NDArray[Any]]()
 
-    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
-        """Take the scenario as it is flown; unit_lane : of several computers, the one that a unit under test is."""
-        self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane)
+    def begin(self, scenario: Scenario, unit_lane: str | None = None, unit_votes: bool = True) -> None:
+        """Take the scenario as it is flown; unit_lane, unit_votes : as of FlightOutcome."""
+        self._outcome = FlightOutcome(scenario, Yardstick().window_s, unit_lane, unit_votes)
         own = unit_lane is not None or ":" in scenario.redundancy.manager
         self._baseline &= bool(scenario.faults) and not own and scenario.frames <= BASELINE_FRAMES
 

@@ -53,15 +53,17 @@ def score(
     baseline: Block | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
+    unit_votes: bool = True,
 ) -> Score:
     """Score a flight of ``scenario`` against the truth in its ``table``, from frame 0 on.
 
     baseline : rows of the same flight without faults (``fly_baseline``); without it there are no transients
     unit_lane : of several computers, the one whose software is a unit under test, A to D
+    unit_votes : False if a unit under test replaces the control law alone
     Without its clean channels the sensors are run again over the recorded truth.
     BadInput when these sensors cannot have given the rows, or the baseline is that of another flight.
     """
-    return score_blocks(scenario, [table], None if baseline is None else [baseline], yardstick, unit_lane)
+    return score_blocks(scenario, [table], None if baseline is None else [baseline], yardstick, unit_lane, unit_votes)
 
 
 def score_blocks(
@@ -70,12 +72,13 @@ def score_blocks(
     baseline: Iterable[Block] | None = None,
     yardstick: Yardstick = _YARDSTICK,
     unit_lane: str | None = None,
+    unit_votes: bool = True,
 ) -> Score:
     """Score a flight whose frames come in blocks, as ``score`` does.
 
     baseline : as many frames at a time, fewer where it ends
     """
-    outcome, again, apart = FlightOutcome(scenario, yardstick.window_s, unit_lane), None, list[Apart]()
+    outcome, again, apart = FlightOutcome(scenario, yardstick.window_s, unit_lane, unit_votes), None, list[Apart]()
     for table, other in zip_longest(blocks, baseline or ()):
         rows = laid_out(table.rows)
         if outcome.frames == 0 and len(rows) and rows["frame"][0] != 0:
@@ -101,7 +104,8 @@ def score_of(outcome: FlightOutcome, off: Deviations | None = None) -> Score:
     isolations = {field: _isolations(outcome, kind, faults) for kind, field in ISOLATIONS.items()}
     acted_from = int(records.flight["acted_from"][0])
     measured = None if off is None else transients(off, faults, acted_from, scenario.rate_hz)
-    by_unit = bool(records.flight["unit"][0]) and scenario.computers.count == 1  # not one lane of several
+    alone = scenario.computers.count == 1  # not one lane of several
+    by_unit = bool(records.flight["unit"][0]) and alone and outcome.unit_votes
     return Score(
         faults=faults,
         **isolations,

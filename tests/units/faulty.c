@@ -12,6 +12,7 @@
 static const char *fault;
 static long at;
 static double vote[RIG_SIGNALS];
+static double trim[4];
 
 int rig_unit_open(const struct rig_config *config)
 {
@@ -24,6 +25,7 @@ int rig_unit_open(const struct rig_config *config)
     fault = getenv("FAULT") ? getenv("FAULT") : named;
     at = getenv("FAULT_FRAME") ? atol(getenv("FAULT_FRAME")) : 50;
     memset(vote, 0, sizeof vote);
+    memcpy(trim, config->trim_surface, sizeof trim);
     if (strcmp(fault, "rounding") == 0) {
         fesetround(FE_UPWARD);
     }
@@ -55,6 +57,8 @@ static int go_wrong(struct rig_output *out)
         fflush(stdout);
     } else if (strcmp(fault, "nan vote") == 0) {
         out->voted[RIG_SIGNAL_HEADING] = NAN;
+    } else if (strcmp(fault, "nan surface") == 0) {
+        out->surface[RIG_SURFACE_ELEVATOR_RAD] = NAN;
     } else if (strcmp(fault, "state") == 0) {
         out->state[0][1] = 17;
     } else if (strcmp(fault, "silent") == 0) {
@@ -73,6 +77,15 @@ int rig_unit_step(const struct rig_input *in, struct rig_output *out)
         out->level[i] = 4;
     }
     out->said = RIG_SAID_VOTED | RIG_SAID_STATE;
+    return in->frame == at ? go_wrong(out) : 0;
+}
+
+/* A law that leaves the surfaces at trim, but for the elevator, which follows the frame's number a little. */
+int rig_unit_law(const struct rig_law_input *in, struct rig_output *out)
+{
+    memcpy(out->surface, trim, sizeof trim);
+    out->surface[RIG_SURFACE_ELEVATOR_RAD] += 1e-7 * (double)in->frame;
+    out->said = RIG_SAID_SURFACE;
     return in->frame == at ? go_wrong(out) : 0;
 }
 

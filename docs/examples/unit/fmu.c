@@ -12,8 +12,12 @@
 
 #include "rig_unit.h"
 
+#pragma weak rig_unit_step /* a unit has one of them, or both: the other is NULL */
+#pragma weak rig_unit_law
+
 static struct rig_config config;
 static struct rig_input input;
+static struct rig_law_input law_input; /* of the role CONTROL_LAW */
 static struct rig_output output;
 static uint64_t stepped;
 static bool opened;
@@ -21,7 +25,7 @@ static bool opened;
 static const struct {
     void *at;
     size_t bytes;
-} records[] = {{&config, sizeof config}, {&input, sizeof input}, {&output, sizeof output}};
+} records[] = {{&config, sizeof config}, {&input, sizeof input}, {&output, sizeof output}, {&law_input, sizeof law_input}};
 
 size_t fmu_width(enum base base)
 {
@@ -57,8 +61,14 @@ void fmu_clear(void)
     }
     memset(&config, 0, sizeof config);
     memset(&input, 0, sizeof input);
+    memset(&law_input, 0, sizeof law_input);
     memset(&output, 0, sizeof output);
     stepped = 0;
+}
+
+static bool is_law(void)
+{
+    return config.role == RIG_ROLE_CONTROL_LAW;
 }
 
 int fmu_open(void)
@@ -68,7 +78,8 @@ int fmu_open(void)
     config.kind = RIG_KIND_CONFIG;
     config.layout = RIG_UNIT_LAYOUT;
     config.length = offsetof(struct rig_config, length);
-    const int code = rig_unit_open(&config);
+    const bool can = is_law() ? rig_unit_law != NULL : rig_unit_step != NULL;
+    const int code = can ? rig_unit_open(&config) : -1;
     opened = code == 0;
     return code;
 }
@@ -82,6 +93,8 @@ static void begin_frame(double time_s)
     input.frame = (int64_t)floor((time_s * config.rate_hz) + 0.5);
     input.time_s = time_s;
     input.length = offsetof(struct rig_input, length);
+    memcpy(&law_input, &input, offsetof(struct rig_input, time_s) + sizeof input.time_s); /* the same head */
+    law_input.length = offsetof(struct rig_law_input, length);
     memset(&output, 0, sizeof output);
     output.magic = RIG_MAGIC_OUTPUT;
     output.version = RIG_UNIT_VERSION;
@@ -95,7 +108,10 @@ static void begin_frame(double time_s)
 int fmu_step(double time_s)
 {
     begin_frame(time_s);
-    const int code = opened ? rig_unit_step(&input, &output) : -1;
+    int code = -1;
+    if (opened) {
+        code = is_law() ? rig_unit_law(&law_input, &output) : rig_unit_step(&input, &output);
+    }
     if (code == 0) {
         output.stepped = ++stepped;
     }

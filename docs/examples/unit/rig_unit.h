@@ -11,6 +11,10 @@
  *
  * open after close starts a new session.  The rig calls step once per frame, with an output that is zero except for
  * its head.  step fills groups of the output, and names them in `output->said`.
+ *
+ * A unit of the role CONTROL_LAW has another function in the place of rig_unit_step:
+ *
+ *     int rig_unit_law(const struct rig_law_input *input, struct rig_output *output);
  */
 #ifndef RIG_UNIT_H
 #define RIG_UNIT_H
@@ -25,8 +29,8 @@ extern "C" {
 #define RIG_ASSERT(condition) _Static_assert(condition, #condition)
 #endif
 
-#define RIG_UNIT_VERSION 3
-#define RIG_UNIT_LAYOUT UINT64_C(0x0a5a1850e6b4b34b)
+#define RIG_UNIT_VERSION 4
+#define RIG_UNIT_LAYOUT UINT64_C(0x89d5486002180868)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -46,6 +50,7 @@ enum rig_kind {
 enum rig_role {
     RIG_ROLE_REDUNDANCY = 0,
     RIG_ROLE_FLIGHT_COMPUTER = 1,
+    RIG_ROLE_CONTROL_LAW = 2,
 };
 
 enum rig_said {
@@ -456,6 +461,48 @@ RIG_ASSERT(offsetof(struct rig_input, age_us) == 1104);
 RIG_ASSERT(offsetof(struct rig_input, length) == 1232);
 RIG_ASSERT(offsetof(struct rig_input, crc) == 1236);
 
+/* one frame to a unit of the role CONTROL_LAW: what the rig has voted */
+struct rig_law_input {
+    uint32_t magic;
+    uint16_t version;
+    uint16_t kind;
+    uint64_t layout;
+    uint64_t session;
+    int64_t frame;
+    double time_s;
+    double autopilot_command[5];
+    double inertial[9];
+    double voted[16];
+    double reference[16];
+    uint8_t level[16];
+    uint8_t reference_usable[16];
+    uint8_t discrete_voted[3];
+    uint8_t discrete_level[3];
+    uint8_t pad_1[2];
+    uint32_t length;
+    uint32_t crc;
+};
+
+RIG_ASSERT(sizeof(struct rig_law_input) == 456);
+RIG_ASSERT(offsetof(struct rig_law_input, magic) == 0);
+RIG_ASSERT(offsetof(struct rig_law_input, version) == 4);
+RIG_ASSERT(offsetof(struct rig_law_input, kind) == 6);
+RIG_ASSERT(offsetof(struct rig_law_input, layout) == 8);
+RIG_ASSERT(offsetof(struct rig_law_input, session) == 16);
+RIG_ASSERT(offsetof(struct rig_law_input, frame) == 24);
+RIG_ASSERT(offsetof(struct rig_law_input, time_s) == 32);
+RIG_ASSERT(offsetof(struct rig_law_input, autopilot_command) == 40);
+RIG_ASSERT(offsetof(struct rig_law_input, inertial) == 80);
+RIG_ASSERT(offsetof(struct rig_law_input, voted) == 152);
+RIG_ASSERT(offsetof(struct rig_law_input, reference) == 280);
+RIG_ASSERT(offsetof(struct rig_law_input, level) == 408);
+RIG_ASSERT(offsetof(struct rig_law_input, reference_usable) == 424);
+RIG_ASSERT(offsetof(struct rig_law_input, discrete_voted) == 440);
+RIG_ASSERT(offsetof(struct rig_law_input, discrete_level) == 443);
+RIG_ASSERT(offsetof(struct rig_law_input, pad_1) == 446);
+RIG_ASSERT(offsetof(struct rig_law_input, length) == 448);
+RIG_ASSERT(offsetof(struct rig_law_input, crc) == 452);
+
 /* one frame from the unit */
 struct rig_output {
     uint32_t magic;
@@ -528,6 +575,7 @@ const uint64_t rig_unit_layout = RIG_UNIT_LAYOUT;
 
 int rig_unit_open(const struct rig_config *config);
 int rig_unit_step(const struct rig_input *input, struct rig_output *output);
+int rig_unit_law(const struct rig_law_input *input, struct rig_output *output);
 void rig_unit_close(void);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/* Makes a process of any unit: its three functions behind a UDP socket.
+/* Makes a process of any unit: its functions behind a UDP socket.  CONFIG names the role, and so rig_unit_step or rig_unit_law.
  *
  *     ./monitor_udp --rig ADDRESS:PORT            says READY to the rig, which waits there; ends when the rig is gone
  *     ./monitor_udp --listen PORT                 waits for a HELLO and answers its sender
@@ -23,6 +23,9 @@
 
 #include "rig_unit.h"
 
+#pragma weak rig_unit_step /* a unit has one of them, or both: the other is NULL */
+#pragma weak rig_unit_law
+
 #ifndef UNIT_NAME
 #define UNIT_NAME "unit"
 #endif
@@ -34,6 +37,7 @@ union message {
     struct rig_hello head; /* what every message begins with; END is no more than that */
     struct rig_config_part part;
     struct rig_input input;
+    struct rig_law_input law_input;
     uint8_t bytes[2048]; /* more than any has, so that one that is too long is noticed */
 };
 
@@ -47,6 +51,7 @@ static volatile sig_atomic_t restart;
 static uint8_t config[PARTS * PART_BYTES];
 static bool here[PARTS]; /* the parts of CONFIG that have come */
 static bool opened;
+static bool law; /* its role is the control law */
 static bool gone; /* the rig that we are connected to */
 
 static void answer(const struct sockaddr_in *whom, const void *record, size_t size)
@@ -98,6 +103,11 @@ static void configure(const struct rig_config_part *part)
     }
     memcpy(&whole, config, sizeof whole);
     begin_session(session);
+    law = whole.role == RIG_ROLE_CONTROL_LAW;
+    if (law ? rig_unit_law == NULL : rig_unit_step == NULL) {
+        say(&rig, RIG_KIND_REFUSED, session, law ? UNIT_NAME " is no control law" : UNIT_NAME " is a control law", 0);
+        return;
+    }
     opened = rig_unit_open(&whole) == 0;
     if (opened) {
         say(&rig, RIG_KIND_READY, session, UNIT_NAME, 0);
@@ -106,8 +116,9 @@ static void configure(const struct rig_config_part *part)
     }
 }
 
-static void step(const struct rig_input *input)
+static void step(const union message *m)
 {
+    const struct rig_input *input = &m->input; /* the head is the same in both records */
     struct rig_output output = {.magic = RIG_MAGIC_OUTPUT, .version = RIG_UNIT_VERSION, .kind = RIG_KIND_REPLY};
     output.layout = RIG_UNIT_LAYOUT;
     output.session = session;
@@ -117,7 +128,7 @@ static void step(const struct rig_input *input)
     if (!opened) {
         return;
     }
-    if (rig_unit_step(input, &output) == 0) {
+    if ((law ? rig_unit_law(&m->law_input, &output) : rig_unit_step(input, &output)) == 0) {
         answer(&rig, &output, sizeof output);
     } else {
         say(&rig, RIG_KIND_REFUSED, session, UNIT_NAME " cannot step", input->frame);
@@ -144,7 +155,8 @@ static bool sound(const union message *m, size_t size)
     size_t wanted = sizeof m->head;
     uint32_t tail[2] = {0, 0}; /* length, crc */
     if (m->head.kind == RIG_KIND_CONFIG || m->head.kind == RIG_KIND_FRAME) {
-        wanted = m->head.kind == RIG_KIND_CONFIG ? sizeof m->part : sizeof m->input;
+        const size_t of_frame = law ? sizeof m->law_input : sizeof m->input;
+        wanted = m->head.kind == RIG_KIND_CONFIG ? sizeof m->part : of_frame;
     }
     if (size != wanted || m->head.magic != RIG_MAGIC_INPUT || m->head.layout != RIG_UNIT_LAYOUT) {
         return false;
@@ -198,7 +210,7 @@ static void handle(const union message *m, const struct sockaddr_in *from)
     if (m->head.kind == RIG_KIND_CONFIG) {
         configure(&m->part);
     } else if (m->head.kind == RIG_KIND_FRAME) {
-        step(&m->input);
+        step(m);
     } else if (m->head.kind == RIG_KIND_END) {
         begin_session(0);
     }

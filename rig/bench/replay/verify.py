@@ -17,7 +17,7 @@ from rig.flight.unit_loop import fly_blocks
 from rig.log.columns import COLUMNS, chosen_of_parts
 from rig.log.recordings.flown_log import Recorded
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_file import differences
+from rig.unit.unit_facts import differences
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ OUTPUTS: Final = (
     *("reference_usable", "common_mode"),
     *("source", "discrete_voted", "discrete_state", "discrete_level"),
 )
-COMMANDED: Final = ("surface", "law")  # by a unit in the form of a flight computer
+COMMANDED: Final = ("surface", "law")  # by a unit in the role of a flight computer or of a control law
 
 
 def vote_again(rows: Block, scenario: Scenario, unit: UnitUnderTest | None = None) -> Block:
@@ -35,12 +35,15 @@ class VoteAgain:
     Faults on references act again in their recorded frames.  Open loop: truth, channels, commands and all other fields
     stay as recorded.  BadInput: the user's manager.
 
-    unit : votes instead of the manager; a unit in the role of a flight computer writes SURFACES too
+    unit : votes instead of the manager; a flight computer writes COMMANDED too; a control law writes them alone, from
+           the votes of the manager
     """
 
     def __init__(self, scenario: Scenario, unit: UnitUnderTest | None = None) -> None:
         self._scenario, self._unit, self._stage = scenario, unit, loop.redundancy(scenario)
         self._voter: UnitVoter | None = None
+        self._law: UnitVoter | None = None
+        self._is_law = unit is not None and unit.role is Role.CONTROL_LAW
         self._on_references = [i for i, fault in enumerate(scenario.faults) if "reference" in places_of(fault)]
         flown = scenario if self._on_references else scenario.model_copy(update={"faults": []})
         self._faults, data = loop.faults(flown), self._stage.data
@@ -55,15 +58,18 @@ class VoteAgain:
         flown = nested(copied(rows) if self._on_references else again)
         run(nested(again), replace(self._stages, faults=self._faults.data), flown, self._decide(again))
         write_sources(nested(again))
+        if self._unit is not None and self._is_law:
+            self._law = self._law or UnitVoter(self._unit, self._scenario, self._stage, again)
+            for k in range(len(again)):
+                self._law.step(again, k)
         return again
 
     def _decide(self, again: Block) -> Decide | None:
         """Return the voter in place of the manager: a unit, a user's class, or None."""
-        if self._unit is None:
+        unit = self._unit if self._unit is None or not self._is_law else self._unit.voter
+        if unit is None:
             return None if self._stage.own is None else by_class(self._stage.own, again, nested(again))
-        if self._voter is None:
-            self._voter = UnitVoter(self._unit, self._scenario, self._stage, again)
-        voter = self._voter
+        voter = self._voter = self._voter or UnitVoter(unit, self._scenario, self._stage, again)
         return lambda _, k: voter.step(again, k)
 
 

@@ -16,7 +16,7 @@ from rig.flight.suspects import count_suspects, new_counts, slow_faults_text, su
 from rig.log import Log, scenario_of, unit_of
 from rig.show.viewer.series import Series, limits, series, threshold
 from rig.show.viewer.state_strips import acting
-from rig.unit.unit_file import voter
+from rig.unit.unit_facts import voter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def table(log: Log, conclusion: Sequence[str], overrides: Sequence[str] = (), pa
     """Return an HTML table: scenario, verdict, failed channels, conclusion, digest."""
     scenario = _scenario(log)
     manager, unit = scenario.get("redundancy", {}).get("manager", ""), unit_of(log.metadata)
-    voted = voter(manager, unit.get("name"), unit.get("lane")) if manager else ""
+    voted = voter(manager, unit) if manager else ""
     flown = (f"seed {scenario.get('seed', '')}", voted, *overrides)
     cells = [
         ("scenario", f"{scenario.get('title') or scenario.get('aircraft', '')}, {', '.join(filter(None, flown))}"),

@@ -31,7 +31,7 @@ from rig.show.pages.page import DASH, write_page
 from rig.show.pages.requirement_figures import Robustness
 from rig.show.pages.timeline import MOST_GROUPS, groups, spans, timeline
 from rig.show.viewer.series import threshold
-from rig.unit.unit_file import what_it_reads
+from rig.unit.unit_facts import what_it_reads
 from rig.verdict import score_tables as cells
 from rig.verdict.context import Context
 from rig.verdict.counting import another

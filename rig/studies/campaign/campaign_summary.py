@@ -33,7 +33,7 @@ from rig.studies.campaign.group_rates import (
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
 from rig.studies.campaign.tables import COUNTED, RUNS, SUSPECTS
 from rig.studies.campaign.varied import by_name, by_varied, varied
-from rig.unit.unit_file import voted_by
+from rig.unit.unit_facts import voted_by
 
 WORST: Final = 10
 # The columns that rank the worst flights.

@@ -34,7 +34,8 @@ from rig.studies.campaign.plan import Plan, rig_identity
 from rig.studies.campaign.searched import SearchedPlan
 from rig.studies.campaign.study_folder import FORMAT, UNSEALED, Study, write_whole
 from rig.studies.campaign.tables import TABLES, Rows
-from rig.unit.unit_file import Unit, differences, voted_by, what_it_reads
+from rig.unit.unit_facts import differences, voted_by, what_it_reads
+from rig.unit.unit_file import Unit
 
 NOT_FLOWN: Final = ("crashed", "timed out", "failed", "unit dead", "unit refused")  # outcomes of a run
 

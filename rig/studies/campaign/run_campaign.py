@@ -179,7 +179,7 @@ def workers_of(unit: Unit | None, workers: int | None) -> int | None:
     """
     if unit is None:
         return workers
-    if unit.transport == "python":
+    if unit.is_manager:
         raise BadInput(f"{unit.source}: a campaign needs a class as --set redundancy.manager={unit.manager}")
     if unit.address is None:
         return workers

@@ -16,7 +16,8 @@ from rig.core.files import bundled, is_file, write_text
 from rig.core.settings import Settings, build, read_toml
 from rig.scenario.scenario import find as find_scenario
 from rig.studies.campaign import campaign_file as config
-from rig.unit.unit_file import Unit, differences
+from rig.unit.unit_facts import differences
+from rig.unit.unit_file import Unit
 from rig.verdict.requirements.requirement import Requirement, load_requirements
 
 MOST: Final = 1000  # cases

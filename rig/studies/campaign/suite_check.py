@@ -112,7 +112,7 @@ def _measured(case: Case, requirements: tuple[Requirement, ...], unit: Unit | No
     if case.kind == "campaign":
         return _of_campaign(case, requirements, unit)
     scenario = load(case.path, case.set, case.seed)
-    if unit is not None and unit.transport == "python":
+    if unit is not None and unit.is_manager:
         scenario, unit = managed(scenario, unit), None
     with flown_with(unit) as tested:
         flight = fly(scenario, tested)

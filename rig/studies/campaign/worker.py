@@ -39,7 +39,8 @@ from rig.studies.campaign.plan import Run, rig_identity
 from rig.studies.campaign.pool import leave_interrupts_to_parent
 from rig.studies.campaign.tables import TABLES, Rows, rows
 from rig.unit.running_unit import UnitUnderTest
-from rig.unit.unit_file import Unit, voted_by
+from rig.unit.unit_facts import voted_by
+from rig.unit.unit_file import Unit
 from rig.verdict.requirements.measure import check_rows
 from rig.verdict.requirements.requirement import Requirement
 from rig.verdict.scoring import score
@@ -70,7 +71,7 @@ class Orders:
 
     def voter(self, manager: str) -> str:
         """Return the voter of flights with this manager: the manager, or the unit under test and its build."""
-        return voted_by(manager, None if self.unit is None else {**self.unit.model_dump(), "sha256": self.unit_build})
+        return voted_by(manager, None if self.unit is None else {**self.unit.settings(), "sha256": self.unit_build})
 
 
 def fly_batch(runs: Sequence[Run], orders: Orders) -> Rows:
@@ -118,8 +119,8 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         with _limit(orders.timeout_s), flown_with(orders.unit) as tested:
             flight = fly(run.scenario(_tables(run.aircraft)), tested)
             baseline = fly_baseline(flight.scenario, unit=tested) if orders.baseline else None
-            lane = None if tested is None else tested.lane
-            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane)
+            lane, by_unit = (None, True) if tested is None else (tested.lane, tested.unit.votes)
+            scored = score(flight.scenario, flight.table, baseline, unit_lane=lane, unit_votes=by_unit)
             asked = orders.requirements
             verdicts = check_rows(flight.table.rows, flight.scenario, asked, baseline, tested) if asked else ()
         found = {table: rows(table, run.number, flight.scenario, scored, flight, verdicts) for table in TABLES}

@@ -35,9 +35,9 @@ class MeasuredConclusion(FlightConclusion):
         self.requirements: tuple[Requirement, ...] = ()
         self._recorder: RequirementsRecorder | None = None
 
-    def begin(self, scenario: Scenario, unit_lane: str | None = None) -> None:
+    def begin(self, scenario: Scenario, unit_lane: str | None = None, unit_votes: bool = True) -> None:
         """Take the scenario as it is flown.  BadInput: its requirements."""
-        super().begin(scenario, unit_lane)
+        super().begin(scenario, unit_lane, unit_votes)
         self.requirements = load_requirements([*self._names, *(scenario.requirements or ())])
         if not self.requirements:
             return
