@@ -1,4 +1,8 @@
-/* Betaflight as a unit under test: voted values go to the firmware as its sensors, commands as a pilot's sticks. */
+/* Betaflight as a control law: voted values go to the firmware as its sensors, commands as a pilot's sticks.
+ *
+ * Its servos move the surfaces about their trim.  Signs: q > 0, theta > 0 and a nose-down command move the servo of the
+ * elevator beyond 1500 us, which pitches down; the aileron rolls right and the rudder yaws left beyond 1500 us.
+ */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,7 +26,7 @@ static struct rig_config config;
 static struct state_packet state;
 static struct stick_packet sticks;
 static struct servo_packet servos;
-static double voted[RIG_SIGNALS];
+static double measured[RIG_SIGNALS]; /* the last value of each signal that was known */
 static double held_pitch;
 static uint64_t stepped;
 static int disarmed;
@@ -63,16 +67,25 @@ static int arm(void)
     return 0;
 }
 
-static double commanded(const struct rig_input *in, int i)
+/* Take the vote of a signal; its reference when no channel is left. */
+static void measure(const struct rig_law_input *in, int i)
+{
+    const double value = in->level[i] > 0 ? in->voted[i] : in->reference[i];
+    if ((in->level[i] > 0 || in->reference_usable[i]) && isfinite(value)) {
+        measured[i] = value;
+    }
+}
+
+static double commanded(const struct rig_law_input *in, int i)
 {
     return isfinite(in->autopilot_command[i]) ? in->autopilot_command[i] : 0.0;
 }
 
-/* Quaternion of the body axes from voted angles. */
+/* Quaternion of the body axes. */
 static void attitude(double q[4])
 {
-    const double phi = 0.5 * voted[RIG_SIGNAL_ROLL_ANGLE], theta = 0.5 * voted[RIG_SIGNAL_PITCH_ANGLE];
-    const double psi = 0.5 * voted[RIG_SIGNAL_HEADING];
+    const double phi = 0.5 * measured[RIG_SIGNAL_ROLL_ANGLE], theta = 0.5 * measured[RIG_SIGNAL_PITCH_ANGLE];
+    const double psi = 0.5 * measured[RIG_SIGNAL_HEADING];
     q[0] = cos(phi) * cos(theta) * cos(psi) + sin(phi) * sin(theta) * sin(psi);
     q[1] = sin(phi) * cos(theta) * cos(psi) - cos(phi) * sin(theta) * sin(psi);
     q[2] = cos(phi) * sin(theta) * cos(psi) + sin(phi) * cos(theta) * sin(psi);
@@ -81,23 +94,23 @@ static void attitude(double q[4])
 
 static double airspeed(void)
 {
-    const double density = voted[RIG_SIGNAL_STATIC_PRESSURE] / (287.05 * 275.0);
-    return sqrt(2.0 * fmax(voted[RIG_SIGNAL_DYNAMIC_PRESSURE], 100.0) / fmax(density, 0.1));
+    const double density = measured[RIG_SIGNAL_STATIC_PRESSURE] / (287.05 * 275.0);
+    return sqrt(2.0 * fmax(measured[RIG_SIGNAL_DYNAMIC_PRESSURE], 100.0) / fmax(density, 0.1));
 }
 
-static void fill(const struct rig_input *in)
+static void fill(const struct rig_law_input *in)
 {
     const double pitch_to = held_pitch + commanded(in, RIG_AUTOPILOT_COMMAND_PITCH_ANGLE_RAD);
     const double roll_to = commanded(in, RIG_AUTOPILOT_COMMAND_ROLL_ANGLE_RAD);
     neutral(&state, &sticks);
-    state.rate[0] = voted[RIG_SIGNAL_ROLL_RATE];
-    state.rate[1] = voted[RIG_SIGNAL_PITCH_RATE];
-    state.rate[2] = voted[RIG_SIGNAL_YAW_RATE];
-    state.acceleration[0] = -G * voted[RIG_SIGNAL_LONGITUDINAL_LOAD_FACTOR];
-    state.acceleration[1] = G * voted[RIG_SIGNAL_LATERAL_LOAD_FACTOR];
-    state.acceleration[2] = -G * voted[RIG_SIGNAL_NORMAL_LOAD_FACTOR];
+    state.rate[0] = measured[RIG_SIGNAL_ROLL_RATE];
+    state.rate[1] = measured[RIG_SIGNAL_PITCH_RATE];
+    state.rate[2] = measured[RIG_SIGNAL_YAW_RATE];
+    state.acceleration[0] = -G * measured[RIG_SIGNAL_LONGITUDINAL_LOAD_FACTOR];
+    state.acceleration[1] = G * measured[RIG_SIGNAL_LATERAL_LOAD_FACTOR];
+    state.acceleration[2] = -G * measured[RIG_SIGNAL_NORMAL_LOAD_FACTOR];
     attitude(state.quaternion);
-    state.pressure = voted[RIG_SIGNAL_STATIC_PRESSURE];
+    state.pressure = measured[RIG_SIGNAL_STATIC_PRESSURE];
     sticks.channel[STICK_ROLL] = stick(roll_to * DEG_PER_RAD / ANGLE_LIMIT_DEG);
     sticks.channel[STICK_PITCH] = stick(-pitch_to * DEG_PER_RAD / ANGLE_LIMIT_DEG); /* forward is nose down */
     sticks.channel[STICK_YAW] = stick(G / airspeed() * sin(roll_to) * DEG_PER_RAD / YAW_RATE_DEG_S); /* turn */
@@ -132,7 +145,6 @@ static void answer(struct rig_output *out)
     out->surface[RIG_SURFACE_AILERON_RAD] = surface(RIG_SURFACE_AILERON_RAD, servos.pwm[PWM_AILERON]);
     out->surface[RIG_SURFACE_RUDDER_RAD] = surface(RIG_SURFACE_RUDDER_RAD, servos.pwm[PWM_RUDDER]);
     out->surface[RIG_SURFACE_THROTTLE] = isfinite(motor) ? fmin(fmax(motor, 0.0), 1.0) : NAN;
-    out->law = RIG_LAW_EXTERNAL;
     out->said = RIG_SAID_SURFACE;
 }
 
@@ -142,8 +154,8 @@ int rig_unit_open(const struct rig_config *wanted)
     config = *wanted;
     stepped = 0;
     disarmed = 0;
-    if (config.role != RIG_ROLE_FLIGHT_COMPUTER || config.rate_hz < LEAST_RATE_HZ) {
-        report("needs the role flight-computer and more than 50 Hz");
+    if (config.role != RIG_ROLE_CONTROL_LAW || config.rate_hz < LEAST_RATE_HZ) {
+        report("needs the role control-law and more than 50 Hz");
         return 1;
     }
     if (settings == NULL || settings[0] == '\0') {
@@ -157,28 +169,14 @@ int rig_unit_open(const struct rig_config *wanted)
     return 0;
 }
 
-static double median(const double *x, int n)
-{
-    double s[RIG_CHANNELS];
-    int count = 0;
-    for (int i = 0; i < n; i++) {
-        int place = count++;
-        for (; place > 0 && s[place - 1] > x[i]; place--) {
-            s[place] = s[place - 1];
-        }
-        s[place] = x[i];
-    }
-    return 0.5 * (s[(n - 1) / 2] + s[n / 2]);
-}
-
-int rig_unit_step(const struct rig_input *in, struct rig_output *out)
+int rig_unit_law(const struct rig_law_input *in, struct rig_output *out)
 {
     bool answered = false;
     for (int i = 0; i < RIG_SIGNALS; i++) {
-        voted[i] = median(in->channels[i], (int)config.signal[i].fitted);
+        measure(in, i);
     }
     if (stepped == 0) {
-        held_pitch = voted[RIG_SIGNAL_PITCH_ANGLE];
+        held_pitch = measured[RIG_SIGNAL_PITCH_ANGLE];
     }
     fill(in);
     if (!firmware_frame(&state, &sticks, &servos, &answered)) {
