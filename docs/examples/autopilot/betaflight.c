@@ -159,7 +159,7 @@ int rig_unit_open(const struct rig_config *wanted)
         return 1;
     }
     if (settings == NULL || settings[0] == '\0') {
-        report("BETAFLIGHT_SETTINGS is not set: the names of the settings files");
+        report("BETAFLIGHT_SETTINGS is not set: names of settings files, separated by colons");
         return 1;
     }
     if (!firmware_start(config.rate_hz, settings) || arm() != 0) {

@@ -25,7 +25,7 @@ struct servo_packet { /* from port 9001, in us: motor, then servos */
 enum { STICK_ROLL, STICK_PITCH, STICK_THROTTLE, STICK_YAW, SWITCH_ARM, SWITCH_ANGLE };
 enum { PWM_MOTOR = 0, PWM_AILERON = 2, PWM_RUDDER = 4, PWM_ELEVATOR = 5 };
 
-/* Start the firmware at `rate_hz` with settings from files, whose names are separated by spaces.  Each function returns
+/* Start the firmware at `rate_hz` with settings from files, whose names are separated by colons.  Each function returns
  * false after it has printed the reason. */
 bool firmware_start(double rate_hz, const char *settings);
 

@@ -43,17 +43,17 @@ static ssize_t read_file(const char *path, char *into, size_t most)
     return (ssize_t)size;
 }
 
-/* Read all settings files; a name without a folder is beside the source of this unit. */
+/* Read all settings files. */
 static bool read_text(const char *names)
 {
-    char list[1024], path[1024], *rest = NULL;
+    char list[4096], *rest = NULL;
     size_t size = 0;
     snprintf(list, sizeof list, "%s", names);
-    for (char *name = strtok_r(list, " ", &rest); name != NULL; name = strtok_r(NULL, " ", &rest)) {
-        snprintf(path, sizeof path, "%s%s%.500s", name[0] == '/' ? "" : HOME, name[0] == '/' ? "" : "/", name);
-        const ssize_t got = read_file(path, text + size, MOST - 2 - size);
+    for (char *name = strtok_r(list, ":", &rest); name != NULL; name = strtok_r(NULL, ":", &rest)) {
+        errno = 0;
+        const ssize_t got = read_file(name, text + size, MOST - 2 - size);
         if (got < 0) {
-            report("settings %s: %s", path, errno != 0 ? strerror(errno) : "too long");
+            report("settings %s: %s", name, errno != 0 ? strerror(errno) : "too long");
             return false;
         }
         size += (size_t)got;

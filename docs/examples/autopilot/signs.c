@@ -94,7 +94,7 @@ int main(int count, char **names)
     char settings[1024] = "";
     int wrong = 0;
     for (int i = 1; i < count; i++) {
-        snprintf(settings + strlen(settings), sizeof settings - strlen(settings), "%s%s", i > 1 ? " " : "", names[i]);
+        snprintf(settings + strlen(settings), sizeof settings - strlen(settings), "%s%s", i > 1 ? ":" : "", names[i]);
     }
     if (count > 1) {
         setenv("BETAFLIGHT_SETTINGS", settings, 1);
