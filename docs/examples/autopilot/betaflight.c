@@ -29,7 +29,7 @@ static struct servo_packet servos;
 static double measured[RIG_SIGNALS]; /* the last value of each signal that was known */
 static double held_pitch;
 static uint64_t stepped;
-static int disarmed;
+static int disarmed, silent; /* frames in a row */
 
 static uint16_t stick(double share)
 {
@@ -153,7 +153,7 @@ int rig_unit_open(const struct rig_config *wanted)
     const char *settings = getenv("BETAFLIGHT_SETTINGS");
     config = *wanted;
     stepped = 0;
-    disarmed = 0;
+    disarmed = silent = 0;
     if (config.role != RIG_ROLE_CONTROL_LAW || config.rate_hz < LEAST_RATE_HZ) {
         report("needs the role control-law and more than 50 Hz");
         return 1;
@@ -166,6 +166,7 @@ int rig_unit_open(const struct rig_config *wanted)
         firmware_stop();
         return 1;
     }
+    firmware_fly();
     return 0;
 }
 
@@ -183,7 +184,11 @@ int rig_unit_law(const struct rig_law_input *in, struct rig_output *out)
         return 1;
     }
     out->stepped = ++stepped;
-    if (answered) {
+    silent = answered ? 0 : silent + 1;
+    if (silent == 1) {
+        report("the firmware has sent no servo positions in frame %lld", (long long)in->frame);
+    }
+    if (answered) { /* otherwise the last answer flies, and the frame counts towards max_missed */
         answer(out);
     }
     return still_armed() ? 0 : 1;

@@ -23,7 +23,8 @@
 #define SERVO_PORT 9001
 #define SETTINGS_PORT 5761
 #define BOOT_NS INT64_C(2000000000) /* of its own time before the first frame */
-#define PATIENCE_MS 1000            /* then a line tells that it has not finished its frame; the rig ends the wait */
+#define PATIENCE_MS 1000            /* then a line tells that it has not finished its frame */
+#define MOST_TRIES 5                /* waits before the flight; in flight the rig's timeout_s ends the wait */
 #define MOST_TO_END 1000            /* frames from the request to its end */
 #define LONGEST 512                 /* of a path */
 
@@ -33,7 +34,7 @@ static int state_port, stick_port, tcp_port;
 static int64_t frame_ns;
 static uint64_t frames; /* begun */
 static char folder[LONGEST], beside[LONGEST];
-static bool own_folder, end_asked;
+static bool own_folder, end_asked, in_flight;
 
 void report(const char *format, ...)
 {
@@ -157,14 +158,16 @@ static bool await_gate(uint64_t finished)
 {
     struct lockstep_message message;
     char when[64];
+    const char *how;
     snprintf(when, sizeof when, finished > 0 ? "%.2f s after power-on" : "before its first frame",
              (double)(BOOT_NS + (int64_t)finished * frame_ns) * 1e-9);
-    for (;;) {
+    for (int tries = 0; tries < MOST_TRIES || in_flight;) {
         struct pollfd waiting = {.fd = messages, .events = POLLIN};
         const int ready = poll(&waiting, 1, PATIENCE_MS);
         if (ready == 0) {
-            const char *how = state_of_process() == 'T' ? "it is stopped by a signal" : "it runs, but does not reach its sleep";
+            how = state_of_process() == 'T' ? "it is stopped by a signal" : "it runs, but does not reach its sleep";
             report("the firmware has not finished its frame for %d ms %s: %s", PATIENCE_MS, when, how);
+            tries++;
             continue;
         }
         const ssize_t size = ready > 0 ? recv(messages, &message, sizeof message, 0) : -1;
@@ -184,6 +187,7 @@ static bool await_gate(uint64_t finished)
             tcp_port = message.wanted == SETTINGS_PORT ? message.given : tcp_port;
         }
     }
+    return false;
 }
 
 static void put(const char *name, long long value)
@@ -291,7 +295,13 @@ void firmware_end(void)
 
 bool firmware_start(double rate_hz, const char *settings)
 {
+    in_flight = false;
     return make_folder() && write_settings(rate_hz, settings) && firmware_begin(rate_hz);
+}
+
+void firmware_fly(void)
+{
+    in_flight = true;
 }
 
 void firmware_stop(void)

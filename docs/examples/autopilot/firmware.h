@@ -29,6 +29,9 @@ enum { PWM_MOTOR = 0, PWM_AILERON = 2, PWM_RUDDER = 4, PWM_ELEVATOR = 5 };
  * false after it has printed the reason. */
 bool firmware_start(double rate_hz, const char *settings);
 
+/* From here on a firmware that does not answer is waited for: the rig ends the wait. */
+void firmware_fly(void);
+
 /* Run one frame; time_s of both packets is set here.  The answer is left as it was when the firmware sends none. */
 bool firmware_frame(struct state_packet *state, struct stick_packet *sticks, struct servo_packet *answer, bool *answered);
 

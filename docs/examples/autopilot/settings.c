@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,20 +28,19 @@ static double now_s(void)
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-/* Read a file to the end of `into`; -1 if it cannot be read or is too long. */
+/* Read a file of fewer than `most` bytes; -1 if it cannot be read, with the reason printed. */
 static ssize_t read_file(const char *path, char *into, size_t most)
 {
-    size_t size = 0;
-    const int file = open(path, O_RDONLY | O_CLOEXEC);
-    for (ssize_t got = file < 0 ? -1 : 1; got != 0; size += (size_t)got) {
-        got = got < 0 || size == most ? -1 : read(file, into + size, most - size);
-        if (got < 0) {
-            close(file);
-            return -1;
-        }
+    FILE *file = fopen(path, "re");
+    const size_t size = file != NULL ? fread(into, 1, most, file) : 0;
+    const bool read = file != NULL && !ferror(file) && size < most;
+    if (!read) {
+        report("%s: %s", path, size == most ? "is too long" : strerror(errno));
     }
-    close(file);
-    return (ssize_t)size;
+    if (file != NULL) {
+        fclose(file);
+    }
+    return read ? (ssize_t)size : -1;
 }
 
 /* Read all settings files. */
@@ -50,10 +50,8 @@ static bool read_text(const char *names)
     size_t size = 0;
     snprintf(list, sizeof list, "%s", names);
     for (char *name = strtok_r(list, ":", &rest); name != NULL; name = strtok_r(NULL, ":", &rest)) {
-        errno = 0;
         const ssize_t got = read_file(name, text + size, MOST - 2 - size);
         if (got < 0) {
-            report("settings %s: %s", name, errno != 0 ? strerror(errno) : "too long");
             return false;
         }
         size += (size_t)got;
@@ -103,7 +101,13 @@ static bool accepted(const char *line, char *answer)
     if (wrong == NULL) {
         return true;
     }
-    wrong[strcspn(wrong, "\r\n")] = '\0';
+    size_t size = 0; /* its lines as one, without the next prompt */
+    for (const char *at = wrong; *at != '\0' && strcmp(at, "\r\n# ") != 0; at++) {
+        if (*at != '\r') {
+            wrong[size++] = *at == '\n' ? ' ' : *at;
+        }
+    }
+    wrong[size] = '\0';
     report("the firmware does not accept '%s': %s", line, wrong);
     return false;
 }
@@ -128,8 +132,11 @@ static bool send_lines(int link)
     char answer[MOST], sent[256], *rest = NULL;
     memcpy(lines, text, sizeof lines);
     for (char *line = strtok_r(lines, "\r\n", &rest); line != NULL; line = strtok_r(NULL, "\r\n", &rest)) {
-        line[strcspn(line, "#")] = '\0';
-        if (line[strspn(line, " \t")] == '\0') {
+        size_t end = strcspn(line, "#");
+        for (; end > 0 && strchr(" \t", line[end - 1]) != NULL; end--) {
+        }
+        line[end] = '\0';
+        if (end == 0) {
             continue;
         }
         snprintf(sent, sizeof sent, "%.250s\r\n", line);
