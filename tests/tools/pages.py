@@ -39,6 +39,7 @@ from pathlib import Path
 from typing import Any, Final
 from unittest import mock
 
+import outside
 import page_pictures
 from page_outputs import matches, normal, rewritten
 
@@ -47,10 +48,13 @@ ROOT: Final = Path(__file__).parents[2]
 EXCEPTIONS: Final = {
     "make fly": "`rig fly`, after the setup",
     "make test": "the test suite itself",
+    "OPTIONS=": "builds the firmware, tests/tools/outside.py",
     "rig aircraft check": "needs what `rig aircraft new` made, or linearises for 20 s; tests/test_design_margins.py",
     "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
     "rig campaign run fmea": "1344 flights, tests/test_safety_fmea.py",
     "rig campaign run reliability": "6633 flights, tests/test_reliability_run.py",
+    "rig campaign compare MANAGER": "needs the campaigns of `stock-autopilot`",
+    "rig campaign run stock-autopilot": "100 flights; three of it: tests/test_stock_autopilot.py",
     "rig fly WORST/": "needs what `rig search` wrote",
     "rig fly my_c172/": "needs what `rig aircraft new` made",
     "rig reliability confirm": "needs what `cutsets` flew, tests/test_safety_cutsets.py",
@@ -65,7 +69,9 @@ EXCEPTIONS: Final = {
     "rig view": "a window or a picture, tests/test_view_*.py",
 }
 # Pages whose code is not run, and why.
-NOT_RUN: Final[dict[str, str]] = {}
+NOT_RUN: Final[dict[str, str]] = (
+    {} if outside.betaflight() else {"docs/how-to/stock-autopilots.md": "needs Betaflight's firmware: make test-all"}
+)
 # Pages that take more than 20 s, and why: their tests are marked long.
 LONG: Final = {
     "docs/tutorials/safety-case.md": "1308 flights",
@@ -74,6 +80,7 @@ LONG: Final = {
     "docs/how-to/computers-and-servos.md": "flights of several computers",
     "docs/how-to/fly-your-software.md": "compiles units and tests their interfaces",
     "docs/how-to/probability-per-flight-hour.md": "open-loop trials",
+    "docs/how-to/stock-autopilots.md": "compiles the unit and flies minutes",
 }
 PROGRAMS: Final = ("cat", "cc", "cp", "grep", "head", "ls", "make", "mkdir", "mv", "python", "sort", "tail")
 _FENCE: Final = re.compile(r"^(?P<indent> *)(?P<ticks>```+)(?P<kind>[\w+-]*)(?P<more>.*)$")
@@ -271,6 +278,7 @@ def folder() -> Iterator[Path]:
         stack.enter_context(mock.patch.object(sys, "path", [str(place), *sys.path]))
         stack.enter_context(mock.patch.dict(os.environ))
         os.environ.pop("COLUMNS", None)
+        os.environ["FIRMWARE"] = str(outside.betaflight() or "")  # of docs/examples/autopilot/Makefile
         yield place
         _forget(place)
 

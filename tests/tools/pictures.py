@@ -3,8 +3,9 @@
 python tests/tools/pictures.py [NAME ...]    # names without an ending; all pictures by default, a few minutes
 
 The SVG files are readable at their width and follow the light or dark setting of the reader.  They are drawn from
-flights and are the same on every machine.  The PNG files are photographs: those of the viewer need a Vulkan driver,
-those of reports need Chromium.  A picture that cannot be made here is named in a line, and the old file stays.
+flights and are the same on every machine; ``autopilot`` needs Betaflight's firmware.  The PNG files are photographs:
+those of the viewer need a Vulkan driver, those of reports need Chromium.  A picture that cannot be made here is named
+in a line, and the old file stays.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+import outside
 from figures import photographs
+from figures.autopilot import autopilot
 from figures.decision import decision
 from figures.fault import architecture, fault, flown
 from figures.gallery import CASES, gallery
@@ -32,6 +35,17 @@ def pictures() -> dict[str, str]:
     return {f"{name}.svg": written for name, written in drawn.items()} | patterns() | gallery()
 
 
+def _autopilot() -> int:
+    """Draw the flights of a stock autopilot; return 1 where its firmware is not installed."""
+    if outside.betaflight() is None:
+        print("autopilot.svg: not made: needs Betaflight's firmware: make test-all builds it", flush=True)
+        return 1
+    written = autopilot()
+    (FOLDER / "autopilot.svg").write_text(written, encoding="utf-8")
+    print(f"autopilot.svg: {len(written)} B", flush=True)
+    return 0
+
+
 def main(names: Sequence[str]) -> int:
     """Write the pictures ``names``; return 1 if one could not be made."""
     known = {
@@ -43,17 +57,16 @@ def main(names: Sequence[str]) -> int:
         *(case.name for case in CASES),
         *(f"pattern_{name}" for name in PICTURES),
     }
-    if unknown := sorted({*names} - known - set(photographs.PICTURES)):
-        raise SystemExit(
-            f"no picture {', '.join(unknown)}; there are: {', '.join(sorted(known | set(photographs.PICTURES)))}"
-        )
+    others = {"autopilot", *photographs.PICTURES}
+    if unknown := sorted({*names} - known - others):
+        raise SystemExit(f"no picture {', '.join(unknown)}; there are: {', '.join(sorted(known | others))}")
     (FOLDER / "gallery").mkdir(parents=True, exist_ok=True)
     if not names or known & set(names):
         for name, written in pictures().items():
             if not names or Path(name).stem in names:
                 (FOLDER / name).write_text(written, encoding="utf-8")
                 print(f"{name}: {len(written)} B", flush=True)
-    missing = 0
+    missing = 0 if names and "autopilot" not in names else _autopilot()
     for name in names or photographs.PICTURES:
         if name in photographs.PICTURES:
             done = photographs.make(name, FOLDER)

@@ -64,6 +64,8 @@ GROUPS: Final = {
     "Discretes": "f16_weight_on_wheels_split f16_weight_on_wheels_wrong b737_gear_down_inverted "
     "b747_engagement_toggling",
     "Incidents": "history_qf72 history_xl888t history_afti_flight_44 history_blocked_pitot",
+    "For a stock autopilot": "stock_level stock_bank stock_pitch stock_one_gyro stock_two_gyros stock_stuck "
+    "stock_roll_gyro stock_split",
     "Faults of all pitch-angle sensors": "b747_pitch_sensor_half f16_pitch_sensor_ramp f16_pitch_sensor_recovers "
     "b707_pitch_sensor_half",
 }
