@@ -29,6 +29,7 @@ from rig.computer.lanes.think import ComputerData, follow_votes, give_references
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.own import OwnManager
 from rig.computer.redundancy.resets import command
+from rig.core.confined import require_short
 from rig.core.errors import ManagerFailed
 from rig.core.frame import FLAT, TIMING, Block, Nested, Table, lane_rows, nested, new_block
 from rig.core.interrupt import Stop
@@ -77,6 +78,7 @@ class Rig:
         computer : binds a flight computer to the stages; the rig's own without it; with a ``lane`` it is one of several
         keep_clean : frames of ``faults.clean``
         """
+        require_short(scenario.frames)
         seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
         self.scenario = scenario
