@@ -122,7 +122,10 @@ class _Calls:
             process.terminate()
             with anyio.move_on_after(GRACE_S):  # a flight answers with the frames that it has flown
                 told = await _last(lines, context)
-            return told or {"error": f"{command[0]}: stopped after {self._most_s:g} s, the limit of a call"}
+            if "answer" in told:
+                return told
+            stopped = f"{command[0]}: stopped after {self._most_s:g} s, the limit of a call"
+            return {"error": "; ".join(filter(None, [stopped, told.get("error")]))}
         finally:
             with anyio.CancelScope(shield=True):
                 await _end(process, patient=bool(told))

@@ -136,7 +136,7 @@ class Explain(_Arguments):
 
 
 class Vote(_Arguments):
-    """Vote a recording of redundant channels with the redundancy manager: which channels does it isolate, and when?"""
+    """Vote recorded channels with the redundancy manager, and report which channels it isolates, and when."""
 
     recording: str = _text("Recording below the folders: CSV, Parquet or MCAP, a folder of tables, or a log.")
     config: str | None = _text("Settings of the signals (TOML). Not needed for the log of a flight.", None)
