@@ -46,15 +46,15 @@ def test_json_is_asked_for_before_the_arguments():
     assert with_json(["scenario", "list"]) == ["scenario", "list", "--json"]
 
 
-def test_a_step_is_reported_when_it_begins_and_then_now_and_then(monkeypatch: pytest.MonkeyPatch):
+def test_a_step_is_reported_when_it_begins_when_it_ends_and_now_and_then_between(monkeypatch: pytest.MonkeyPatch):
     clock, sent = [0.0], []
     monkeypatch.setattr(mcp_call.time, "monotonic", lambda: clock[0])
     report = mcp_call._reporter(lambda **message: sent.append(message["progress"]))
-    for at_s, done in ((0.0, 1), (0.1, 2), (0.3, 3), (0.4, 4)):
+    for at_s, done in ((0.0, 1), (0.1, 2), (0.3, 3), (0.4, 4), (0.41, 9)):
         clock[0] = at_s
         report("flying", done, 9)
     report("scoring", 0, 0)
-    assert sent == [["flying", 1, 9], ["flying", 3, 9], ["scoring", 0, 0]]
+    assert sent == [["flying", 1, 9], ["flying", 3, 9], ["flying", 9, 9], ["scoring", 0, 0]]
 
 
 def test_an_answer_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]):

@@ -64,13 +64,13 @@ def _end_with_server() -> None:
 
 
 def _reporter(send: Callable[..., None]) -> Callable[[str, int, int], None]:
-    """Return what sends the progress: each new step, and of one step no more than every EVERY_S."""
+    """Return what sends the progress: the begin and the end of a step, and between them one every EVERY_S."""
     last, due = "", 0.0
 
     def report(what: str, done: int, total: int) -> None:
         nonlocal last, due
         now = time.monotonic()
-        if what != last or now >= due:
+        if what != last or now >= due or 0 < total <= done:
             last, due = what, now + EVERY_S
             send(progress=[what, done, total])
 
