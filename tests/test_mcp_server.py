@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
+from rig.cli.mcp_tools import tool
 from rig.core.text import LONGEST_LINE
 from rig.log import read_log
 
@@ -20,6 +22,8 @@ anyio: Any = pytest.importorskip("anyio")
 mcp: Any = pytest.importorskip("mcp")
 from rig.cli.mcp_server import _Reached  # noqa: E402 # imports what may be absent
 
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "how-to" / "let-an-agent-fly.md"
 Command = Callable[..., tuple[int, str, str]]
 Ask = Callable[..., Awaitable[Any]]
 CODE = "from pathlib import Path\nPath(__file__).with_name('mark').touch()\nclass X:\n    pass\n"
@@ -275,7 +279,7 @@ def test_a_cancelled_flight_ends_and_the_server_goes_on(tmp_path: Path):
 
     calls, after, listening = asked(tmp_path, ask)
     assert calls and not any(call.is_running() for call in calls)
-    assert listening == []  # no socket of any kind while a flight is under way
+    assert listening == []  # no network socket while a flight is under way
     assert not after.is_error
     (path,) = (tmp_path / "agent").iterdir()
     log = read_log(path)
@@ -350,6 +354,48 @@ def test_no_call_is_left_when_the_server_is_gone(tmp_path: Path, how: str):
     (path,) = (tmp_path / "agent").iterdir()
     log = read_log(path)
     assert log.result is not None and log.result["end_reason"] == "interrupted"
+
+
+def conversations() -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """The calls of the page, each with the keys of its answer that the page shows."""
+    blocks = re.findall(r"^```json\n(.*?)^```", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    told = [each for each in map(json.loads, blocks) if "mcpServers" not in each]
+    return list(zip(told[::2], told[1::2], strict=True))
+
+
+def shown(real: Any, page: Any) -> Any:
+    """What a page would show of a real answer, if it showed the same keys."""
+    if isinstance(page, dict):
+        return {key: shown(real[key], value) for key, value in page.items()}
+    if isinstance(page, list) and len(real) == len(page):
+        return [shown(one, other) for one, other in zip(real, page, strict=True)]
+    return real
+
+
+def test_the_page_has_three_conversations_of_tools_that_are_there():
+    assert len(re.findall(r"^### .*\?$", PAGE.read_text(), re.MULTILINE)) == 3
+    for call, answer in conversations():
+        assert set(call) == {"tool", "arguments"} and "tool" not in answer
+        assert tool(call["tool"]).arguments.model_fields.keys() >= call["arguments"].keys()
+
+
+@pytest.mark.long
+def test_the_answers_on_the_page_are_those_of_the_server(tmp_path: Path):
+    given = tmp_path / "given"
+    given.mkdir()
+    for name in ("channels.csv", "vote.toml", "faults.toml"):
+        shutil.copy(ROOT / "docs" / "examples" / name, given)
+
+    async def ask(client: Any) -> list[Any]:
+        return [await client.call_tool(call["tool"], call["arguments"]) for call, _ in conversations()]
+
+    results = asked(tmp_path, ask, "--read", str(given))
+    for (call, page), result in zip(conversations(), results, strict=True):
+        real = {"error": result.content[0].text} if result.is_error else result.structured_content
+        real = json.loads(json.dumps(real).replace(str(tmp_path / "agent"), "/home/ada/agent"))
+        assert shown(real, page) == page, call
+    quoted = re.findall(r"`(pitch rate, channel 4: .*?)`", PAGE.read_text())
+    assert quoted and all(line in results[-2].structured_content["conclusion"] for line in quoted)
 
 
 def test_folders_that_cannot_be_used_are_refused_before_it_serves(tmp_path: Path, rig_command: Command):

@@ -1,5 +1,7 @@
 """The tools of ``rig mcp``: arguments become a command line of ``rig``, or one line on what is wrong."""
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -105,3 +107,14 @@ def test_an_unknown_tool_is_refused_with_the_names_of_all():
 
 def test_every_bundled_scenario_is_short_enough():
     assert max(load(name).frames for name in names()) <= MOST_FRAMES and MOST_FLIGHTS == 2000
+
+
+def test_without_the_package_one_line_names_the_extra(
+    rig_command: Callable[..., tuple[int, str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.delitem(sys.modules, "rig.cli.mcp_server", raising=False)
+    for absent in ("mcp", "anyio"):
+        monkeypatch.setitem(sys.modules, absent, None)
+    line = "error: rig mcp: needs the package mcp: pip install 'jsbsim-rig[mcp]'\n"
+    assert rig_command("mcp") == (2, "", line)
+    assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""One call of a tool of ``rig mcp``, in a process of its own: ``python -P -m rig.cli.mcp_call``.
+"""One call of a tool of ``rig mcp``, in a separate process: ``python -P -m rig.cli.mcp_call``.
 
 Standard input has one line, the command line of ``rig`` as JSON; when it closes, the call ends as by SIGTERM: a flight
 after its frame, all other work at once and cleanly.  Standard output has lines of JSON: ``progress``, then the

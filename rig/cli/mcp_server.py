@@ -1,4 +1,4 @@
-"""The server of ``rig mcp``: it lists the tools, and runs each call in a process of its own (mcp_call.py).
+"""The server of ``rig mcp``: it lists the tools, and runs each call in a separate process (mcp_call.py).
 
 A call that is cancelled, or takes too long, ends as a command does at SIGTERM.
 """

@@ -72,7 +72,7 @@ def _listed(folders: Sequence[Path]) -> str:
 
 
 class _Arguments(Settings):
-    keys_are_in: ClassVar[str] = "docs/how-to/agents.md"
+    keys_are_in: ClassVar[str] = "docs/how-to/let-an-agent-fly.md"
 
     def _words(self, places: Places) -> Iterator[str]:
         """Yield the command line after ``rig``; BadInput: a path outside the folders."""

@@ -66,7 +66,7 @@ def may_run_code() -> bool:
 
 
 def require_short(frames: int) -> None:
-    """Raise BadInput if a limit excludes a flight of so many frames."""
+    """Raise BadInput if a limit excludes a flight of ``frames``."""
     held = limits()
     if held is not None and frames > held.frames:
         raise BadInput(f"duration_s: {frames} frames; rig mcp flies at most {held.frames} (duration_s times rate_hz)")
