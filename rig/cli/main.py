@@ -143,7 +143,7 @@ def _standard_output() -> Iterator[None]:
 def run(arguments: list[str]) -> int:
     """Run the command that a command line names; return its exit code.  BadInput: the command line is wrong."""
     try:
-        return app(_verbose_first(arguments), standalone_mode=False) or 0
+        return app(_verbose_first(arguments), prog_name="rig", standalone_mode=False) or 0
     except typer.Abort:
         return 1
     except _UsageError as error:

@@ -8,8 +8,7 @@ Between two looks at the plant a frame has three stretches, each written once:
     think    the computers: references with their faults, votes, discretes, control law (lanes/think.py)
     after    surfaces to the actuators, faults on the way
 
-Within ``think`` a class of the user's own takes the place of the manager; a unit under test (flight/unit_loop.py) that
-of the manager, or of manager and control law.
+Within ``think`` a user's class replaces the manager; a unit under test (unit_loop.py) replaces it, or it and the law.
 """
 
 from __future__ import annotations
@@ -79,9 +78,8 @@ class Rig:
         keep_clean : frames of ``faults.clean``
         """
         require_short(scenario.frames)
-        seeds = scenario.streams()
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
-        self.scenario = scenario
+        self.scenario, seeds = scenario, scenario.streams()
         self.pilot = Pilot(scenario.pilot, rate_hz)
         self.plant = plant(
             frame,
