@@ -220,8 +220,8 @@ def test_files_outside_the_folders_are_neither_read_nor_written(tmp_path: Path):
     (agent / "away").symlink_to(secret)
     (agent / "nested.toml").write_text(f'sensors.pitch_rate.noise_file = "{secret / "noise.csv"}"\n')
     put_files(tmp_path)
-    (agent / "found").mkdir()
-    (agent / "found" / "confirmed").symlink_to(secret)
+    (secret / "empty").mkdir()
+    search = {"campaign": "space.toml", "requirement": ["vote"], "flights": 10, "method": "random"}
     calls: list[tuple[str, dict[str, Any]]] = [
         ("fly", {"scenario": str(secret / "s.toml")}),
         ("fly", {"scenario": "../secret/s.toml"}),
@@ -232,27 +232,24 @@ def test_files_outside_the_folders_are_neither_read_nor_written(tmp_path: Path):
         ("fly", {"scenario": "f16_pitch_rate_hardover", "overrides": {"requirements": [str(secret / "s.toml")]}}),
         ("check", {"suite": str(secret / "s.toml")}),
         ("vote", {"recording": "nested.toml", "out": "away/votes.csv"}),
-        (
-            "search",
-            {"campaign": "space.toml", "requirement": ["vote"], "flights": 10, "method": "random", "out": "away/s"},
-        ),
-        (
-            "search",
-            {"campaign": "space.toml", "requirement": ["vote"], "flights": 10, "method": "random", "out": "found"},
-        ),
+        ("search", {**search, "out": "away/s"}),
     ]
 
     async def ask(client: Any) -> list[Any]:
-        return [await client.call_tool(name, arguments) for name, arguments in calls]
+        results = [await client.call_tool(name, arguments) for name, arguments in calls]
+        found = await client.call_tool("search", {**search, "out": "found"})
+        assert not found.is_error
+        shutil.rmtree(agent / "found" / "confirmed")
+        (agent / "found" / "confirmed").symlink_to(secret / "empty")
+        return [*results, await client.call_tool("search", {**search, "out": "found"})]
 
     before = sorted(secret.rglob("*"))
     results = asked(tmp_path, ask, "--read", str(tmp_path / "given"))
     lines = [result.content[0].text for result in results]
-    refused = [result.is_error for result in results]
-    assert refused[:6] == [True] * 6 and refused[7:] == [True] * 4, lines
-    assert "duration_s" not in "".join(lines) and sorted(secret.rglob("*")) == before
-    flown = results[6]  # a fly does not read them: they are the requirements of a campaign
-    assert flown.is_error or "secret" not in json.dumps(flown.structured_content["conclusion"])
+    assert all(result.is_error for result in results), lines
+    assert "found/confirmed/lock: is outside the folder that rig mcp may write" in lines[-1]
+    assert "duration_s" not in "".join(lines)  # of what the files hold
+    assert sorted(secret.rglob("*")) == before
 
 
 @pytest.mark.long
