@@ -25,6 +25,7 @@ from rig.cli.check import check
 from rig.cli.common import GROUP
 from rig.cli.fly import cost, fly
 from rig.cli.fmu import fmu_app
+from rig.cli.mcp import mcp
 from rig.cli.recordings import thresholds, vote
 from rig.cli.replay import diff, export, info, recover, replay
 from rig.cli.safety import reliability_app
@@ -54,7 +55,7 @@ _GROUPS: Final = (
     ("reliability", reliability_app, MANY),
 )
 _COMMANDS: Final = {
-    FLY: (fly,),
+    FLY: (fly, mcp),
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
     RECORDED: (vote, thresholds, export, recover),
@@ -100,8 +101,8 @@ def main() -> None:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
-        with _standard_output():
-            code = _command()
+        with _standard_output(), files_in_one_line():
+            code = run(sys.argv[1:])
         sys.exit(code)
     except BadInput as error:
         typer.echo(f"error: {error}", err=True)
@@ -109,11 +110,17 @@ def main() -> None:
     except RigError as error:
         typer.echo(f"failed: {error}", err=True)
         sys.exit(1)
+
+
+@contextmanager
+def files_in_one_line() -> Iterator[None]:
+    """Raise RigError where the system refuses a file in the block."""
+    try:
+        yield
     except OSError as error:
         if error.filename is None:  # not of a file: an error of the rig
             raise
-        typer.echo(f"failed: {error.filename}: {error.strerror}", err=True)
-        sys.exit(1)
+        raise RigError(f"{error.filename}: {error.strerror}") from None
 
 
 @contextmanager
@@ -133,10 +140,10 @@ def _standard_output() -> Iterator[None]:
         raise RigError(f"standard output: cannot be written: {error.strerror}") from None
 
 
-def _command() -> int:
-    """Run what the command line names; return its exit code."""
+def run(arguments: list[str]) -> int:
+    """Run the command that a command line names; return its exit code.  BadInput: the command line is wrong."""
     try:
-        return app(_verbose_first(sys.argv[1:]), standalone_mode=False) or 0
+        return app(_verbose_first(arguments), prog_name="rig", standalone_mode=False) or 0
     except typer.Abort:
         return 1
     except _UsageError as error:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from rig.core.console import Screen
-from rig.core.progress import listening
+from rig.core.progress import listening, tell
 
 if TYPE_CHECKING:
     from rig.studies.campaign.compile_ahead import Ahead
@@ -60,13 +60,15 @@ class _Line:
     """One plain line for a compilation that takes a while."""
 
     def __init__(self, enabled: bool) -> None:
-        self._due, self._began = enabled, 0.0
+        self._due, self._silent, self._began = enabled, not enabled, 0.0
 
     def ahead(self, done: int, total: int) -> None:
         """Print the line: most kernels of a flight must be compiled."""
         if self._due:
             Screen(stderr=True).print(COMPILING, soft_wrap=True)
         self._due = False
+        if self._silent:
+            tell(COMPILING, done, total)  # to who called the command
 
     def here(self, count: int) -> None:
         """Print the line when the first kernel has taken some seconds."""

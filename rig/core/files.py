@@ -17,6 +17,7 @@ from itertools import count
 from pathlib import Path
 from typing import Final
 
+from rig.core.confined import may_read, may_write
 from rig.core.errors import BadInput, RigError
 
 _KEPT = 40  # characters of a file's name that its draft has too; a name may not have more than 255 bytes
@@ -45,13 +46,18 @@ def bundled(kind: str) -> Path:
 
 
 def is_file(path: Path) -> bool:
-    """Return True if a regular file exists; False for a name that no file can have."""
-    return os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
+    """Return True if a regular file exists; False for a name that no file can have, or where no file may be read."""
+    return may_read(path) and os.path.isfile(path)  # noqa: PTH113 # Path.is_file raises for a name that is too long
+
+
+def is_installed(path: Path) -> bool:
+    """Return True if a file exists in an installation, or among the files that the rig keeps, for any limits."""
+    return os.path.isfile(path)  # noqa: PTH113 # as is_file
 
 
 def is_folder(path: Path) -> bool:
     """Return True if a folder exists; False for a name that no folder can have, or without permission to look."""
-    return os.path.isdir(path)  # noqa: PTH112 # Path.is_dir raises for those
+    return may_read(path) and os.path.isdir(path)  # noqa: PTH112 # Path.is_dir raises for those
 
 
 @contextmanager
@@ -72,6 +78,8 @@ def open_regular(
     waits for a writer, a device may never end: neither is opened.
     """
     where = where or str(path)
+    if not may_read(path):
+        raise kind(f"{where}: is outside the folders that rig mcp may read")
     with reported(where, kind, "cannot be read"):
         try:
             status = path.stat()
@@ -133,6 +141,7 @@ def sweep(folder: Path, *names: str) -> None:
 @contextmanager
 def new_folder(path: Path) -> Iterator[None]:
     """Make the folder ``path`` and missing ones above it; remove them again if the block raises."""
+    require_writable(path / LOCK)
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -144,11 +153,18 @@ def new_folder(path: Path) -> Iterator[None]:
         raise
 
 
+def require_writable(path: Path) -> None:
+    """Raise BadInput if a limit of this process excludes a file at ``path``."""
+    if not may_write(path):
+        raise BadInput(f"{path}: is outside the folder that rig mcp may write")
+
+
 def require_place(path: Path) -> None:
     """Raise BadInput unless a file can be written to ``path``: a regular file or nothing is there.
 
     A link among the devices is refused.
     """
+    require_writable(path)
     with reported(path, BadInput):
         _require_no_device(path)
         try:

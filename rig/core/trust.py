@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from rig.core.confined import may_run_code
 from rig.core.errors import BadInput
 
 
@@ -28,6 +29,8 @@ class Trust:
 
         manager : a setting ``redundancy.manager``; the built-in ones need no permission
         """
+        if ":" in manager and not may_run_code():
+            raise BadInput(f"{self.source}: redundancy.manager: {manager!r} is code, and rig mcp runs no code")
         if ":" in manager and not self.allow_code and manager != self.named:
             raise BadInput(
                 f"{self.source}: redundancy.manager: {manager!r} is code, which runs only with --allow-code "

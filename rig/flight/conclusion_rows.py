@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple, overload
+from typing import Any, Final, NamedTuple, overload
 
 MOST: Final = 10  # lines of a conclusion on the terminal
 SURVIVED, LOST, NOT_SCORED = "SURVIVED", "LOST", "NOT SCORED"  # outcomes
@@ -55,6 +55,11 @@ class Conclusion(Sequence[str]):
         """Return every row as a sentence, as pages, notebooks and JSON show them."""
         between = " " if self.outcome == LOST else ": "  # LOST at 21.38 s: why
         return [f"{self.outcome}{between}{self.summary}", *map(str, (*self.rows, *self.flight))]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data: the outcome, the summary and all rows."""
+        rows, flight = ([row._asdict() for row in part] for part in (self.rows, self.flight))
+        return {"outcome": self.outcome, "summary": self.summary, "rows": rows, "flight": flight}
 
     def lines(self, most: int = MOST, more: str = "") -> list[tuple[str, str]]:
         """Return label and text of each line below the first, ``most`` lines with it; a continued row has no label.

@@ -8,8 +8,7 @@ Between two looks at the plant a frame has three stretches, each written once:
     think    the computers: references with their faults, votes, discretes, control law (lanes/think.py)
     after    surfaces to the actuators, faults on the way
 
-Within ``think`` a class of the user's own takes the place of the manager; a unit under test (flight/unit_loop.py) that
-of the manager, or of manager and control law.
+Within ``think`` a user's class replaces the manager; a unit under test (unit_loop.py) replaces it, or it and the law.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from rig.computer.lanes.think import ComputerData, follow_votes, give_references
 from rig.computer.redundancy import RedundancyData
 from rig.computer.redundancy.own import OwnManager
 from rig.computer.redundancy.resets import command
+from rig.core.confined import require_short
 from rig.core.errors import ManagerFailed
 from rig.core.frame import FLAT, TIMING, Block, Nested, Table, nested, new_block, second_rows
 from rig.core.interrupt import Stop
@@ -77,9 +77,9 @@ class Rig:
         computer : binds a flight computer to the stages; the rig's own without it; with a ``lane`` it is one of several
         keep_clean : frames of ``faults.clean``
         """
-        seeds = scenario.streams()
+        require_short(scenario.frames)
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
-        self.scenario = scenario
+        self.scenario, seeds = scenario, scenario.streams()
         self.pilot = Pilot(scenario.pilot, rate_hz)
         self.plant = plant(
             frame,

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Final, Literal
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
+from rig.core.confined import may_run_code
 from rig.core.errors import BadInput
 from rig.core.files import is_file, is_folder, open_regular, reported
 from rig.core.frame import COMPUTERS
@@ -266,6 +267,8 @@ def as_lane(unit: Unit | None, lane: str | None) -> Unit | None:
 def read_unit(path: Path | str) -> Unit:
     """Read the settings of a unit file.  BadInput: a wrong setting."""
     path = Path(path)
+    if not may_run_code():
+        raise BadInput(f"{path}: a unit under test is code, and rig mcp runs no code")
     unit = build(Unit, read_toml(path), str(path))
     unit._folder, unit._source = path.resolve().parent, str(path)
     if unit.path is not None and not is_file(unit.file):

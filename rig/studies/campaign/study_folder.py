@@ -19,7 +19,7 @@ from typing import Any, Final
 from rig.core import sealed
 from rig.core.difference import difference
 from rig.core.errors import BadInput, RigError
-from rig.core.files import LOCK, is_file, is_unused, replaced, reported, sweep
+from rig.core.files import LOCK, is_file, is_unused, replaced, reported, require_writable, sweep
 
 UNSEALED: Final = 1  # the format of an earlier version, whose files have no checksum
 FORMAT: Final = 2
@@ -117,6 +117,7 @@ def locked(folder: Path, busy: str) -> Iterator[None]:
 
 def _opened(folder: Path, path: Path) -> int:
     """Return a descriptor of the lock file; BadInput as ``locked``."""
+    require_writable(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not path.is_symlink():  # made a link since: O_NOFOLLOW, where the system has it

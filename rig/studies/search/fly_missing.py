@@ -10,9 +10,9 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from rig.core.confined import scratch_folder
 from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import GOES_ON, Stop
 from rig.core.progress import tell
@@ -108,8 +108,8 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop, unit: U
     confirming = ConfirmPlan(plan)
     numbers = confirming.add([table for _, table in cases])
     with (
-        TemporaryDirectory() as folder,
-        flown(confirming, Path(folder) / "healthy", pool, stop, unit) as flights,
+        scratch_folder() as folder,
+        flown(confirming, folder / "healthy", pool, stop, unit) as flights,
     ):
         rows = flights.rows(numbers)
     for (name, _), row in zip(cases, rows, strict=True):

@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Final
 
 from rig.core.errors import BadInput, RigError
-from rig.core.files import is_file, reported
+from rig.core.files import is_installed, reported
 from rig.core.kernel_cache import REMEDY
 from rig.core.kernels import cache_root
 from rig.core.text import choices, quoted
@@ -70,13 +70,13 @@ def base_models(root: Path) -> list[str]:
     """Return the aircraft of the installed JSBSim, in alphabetical order."""
     with reported(root / "aircraft", what=_NOT_READ):
         folders = sorted((root / "aircraft").iterdir())
-    return [path.name for path in folders if is_file(path / f"{path.name}.xml")]
+    return [path.name for path in folders if is_installed(path / f"{path.name}.xml")]
 
 
 def model_file(base_model: str, root: Path) -> Path:
     """Return the file of an aircraft of the installed JSBSim; BadInput names the nearest when there is none."""
     model = root / "aircraft" / base_model / f"{base_model}.xml"
-    if not is_file(model):
+    if not is_installed(model):
         allowed = choices(base_model, base_models(root))
         raise BadInput(f"airframe.base_model: JSBSim has no aircraft {quoted(base_model)}; {allowed}")
     return model
@@ -123,7 +123,7 @@ _whole: set[Path] = set()  # copies that this process has found to be as they we
 def _is_whole(copy: Path) -> bool:
     """Return True if a copy is there, with the bytes that were written; they are read once in a process."""
     file = copy / _DIGEST_FILE
-    if not is_file(file):
+    if not is_installed(file):
         return False
     if copy not in _whole:
         try:
