@@ -5,7 +5,7 @@ header.py    the records for C, for Ada and as tables
 unit_file.py  a unit file
 port.py      from a row of the frame to the input record, from an answer to the row
 transport.py  messages: a library in this process, a socket to a child or a box
-reach.py     the transport of a unit file, reached; unit_facts.py what a log tells of a unit
+connect.py   the transport of a unit file, reached; unit_facts.py what a log tells of a unit
 processes.py the processes that the rig starts; guard.py their guard, which ends everything that they start
 startup.py   start of a session; ready_message.py check of a READY
 session.py   configuration of a flight; counts of lost and late messages

@@ -30,7 +30,7 @@ from rig.unit.compiled_exchange import (
 from rig.unit.host import Refused
 from rig.unit.news import News
 from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
-from rig.unit.reach import reach
+from rig.unit.connect import connect
 from rig.unit.ready_message import UnitStopped, summed
 from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
@@ -74,7 +74,7 @@ class UnitUnderTest:
     def link(self) -> SocketLink | LibraryLink:
         """The unit, which is started or connected to if it is not yet.  BadInput."""
         if self._link is None:
-            self._link = reach(self.unit, self._patience.looks)
+            self._link = connect(self.unit, self._patience.looks)
         return self._link
 
     def prepare(self, config: NDArray[Any]) -> bool:
@@ -294,7 +294,7 @@ class UnitUnderTest:
         """Start a new process with CONFIG and the present frame; the unit has lost its latches."""
         self.close()
         self.replies.counts.restarts += 1
-        self._link = reach(self.unit, self._patience.looks)
+        self._link = connect(self.unit, self._patience.looks)
         self.replies.begin_again()
         if self._open() != self.replies.interface:
             raise UnitStopped("has another version of the records")

@@ -1,4 +1,4 @@
-"""What a log, a table and a person are told of a unit, from its settings as a log keeps them."""
+"""Texts on a unit for a log, a table and a page, from its settings as a log keeps them."""
 
 from __future__ import annotations
 

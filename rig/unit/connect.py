@@ -9,7 +9,7 @@ from rig.unit.transport import LibraryLink, SocketLink
 from rig.unit.unit_file import Unit
 
 
-def reach(unit: Unit, looks: int) -> SocketLink | LibraryLink:
+def connect(unit: Unit, looks: int) -> SocketLink | LibraryLink:
     """Start the unit, or connect to it.  BadInput: it has changed, cannot be started.  looks : as in UnitProcess"""
     unit.require_unchanged()
     if unit.law is not None:
