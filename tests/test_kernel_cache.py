@@ -213,5 +213,5 @@ def test_the_key_holds_constants_with_their_types(constant: object):
     def other() -> object:
         return constant
 
-    assert connect(function) != connect(other)  # by name
-    assert len(connect(function)) == 64
+    assert reach(function) != reach(other)  # by name
+    assert len(reach(function)) == 64
