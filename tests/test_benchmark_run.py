@@ -196,6 +196,10 @@ def test_the_command_prints_levels_the_table_and_where_ours_loses(
     assert "microseconds per signal and frame" in shown.output and "flown in closed loop" in shown.output
     page = (tmp_path / "benchmark.html").read_text()
     assert "share isolated" in page and "median delay" in page and whole[1]["verdict"][0] in page
+    assert "Calibrated to 1 false isolation an hour" in page
+    drawn = json.loads(page.partition('id="figures">')[2].partition("</script>")[0])
+    lines = next(figure["data"] for name, figure in drawn.items() if "offset" in name)
+    assert len({line["x"][0] for line in lines}) == len(lines)  # no interval lies on another
     data = json.loads(CliRunner().invoke(app, [*command, "--json"]).stdout)
     assert data["verdict"] == whole[1]["verdict"] and all(sentence in shown.output for sentence in data["verdict"])
 
