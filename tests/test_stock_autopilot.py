@@ -1,6 +1,6 @@
 """A stock autopilot as control law: its packets, its settings, its clock in lockstep, and each way in which it fails.
 
-A firmware of our own (tests/units/autopilot.c) stands in for Betaflight, which a test marked long flies.
+A firmware of our own (tests/units/stand_in_autopilot.c) stands in for Betaflight, which a test marked long flies.
 """
 
 from __future__ import annotations
@@ -45,14 +45,19 @@ pytestmark = needs_a_compiler
 
 def built(target: str) -> Path:
     """The folder of the built example, or of the firmware for the tests."""
-    read = [*sorted(AUTOPILOT.glob("*.[ch]")), AUTOPILOT / "Makefile", SOURCES / "rig_unit.h", HERE / "autopilot.c"]
+    read = [
+        *sorted(AUTOPILOT.glob("*.[ch]")),
+        AUTOPILOT / "Makefile",
+        SOURCES / "rig_unit.h",
+        HERE / "stand_in_autopilot.c",
+    ]
 
     def make(folder: Path) -> Path:
         made = folder / target
         made.mkdir()
         command = ["make", "-C", str(AUTOPILOT), f"BUILD={made}", f"CC={COMPILER}", "libraries"]
         flags = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
-        source, libraries = str(HERE / "autopilot.c"), ("-lm", "-lpthread")
+        source, libraries = str(HERE / "stand_in_autopilot.c"), ("-lm", "-lpthread")
         if target == "firmware":
             command = [str(COMPILER), *flags, "-o", str(made / "betaflight"), source, *libraries]
         subprocess.run(command, check=True, capture_output=True, text=True)
