@@ -43,7 +43,7 @@ def test_one_kernel_decides_what_became_of_a_fault():
             "verdict/monitored_places",
         )
     }
-    words = re.compile(r'"(detected|undetectable|right|annunciated loss)" if ')
+    words = re.compile(r'"(detected|undetectable|correct|annunciated loss)" if ')
     assert [path.name for path in RIG.rglob("*.py") if words.search(path.read_text())] == ["patterns.py"]  # a rule
 
 

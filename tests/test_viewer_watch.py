@@ -119,7 +119,7 @@ def test_a_page_fits_eighty_columns_and_keeps_its_height() -> None:
 def test_the_end_of_a_flight_is_on_the_page() -> None:
     rows = flown(1)
     rows["end"] = End.DEPARTURE_LOAD_FACTOR
-    assert "departure load factor" in drawn(rows[0]).export_text().splitlines()[0]
+    assert "load factor beyond its limit" in drawn(rows[0]).export_text().splitlines()[0]
 
 
 def test_a_live_page_shows_the_last_frame_and_all_events_and_delays_no_process() -> None:
