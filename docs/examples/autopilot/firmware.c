@@ -330,7 +330,8 @@ static bool send_to(int port, const void *data, size_t size)
     return sendto(udp, data, size, 0, (const struct sockaddr *)&to, sizeof to) == (ssize_t)size;
 }
 
-bool firmware_frame(struct state_packet *state, struct stick_packet *sticks, struct servo_packet *answer, bool *answered)
+bool firmware_frame(struct state_packet *state, struct stick_packet *sticks, struct servo_packet *answer,
+                    bool *answered)
 {
     struct servo_packet received;
     frames++;

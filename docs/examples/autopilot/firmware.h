@@ -33,7 +33,8 @@ bool firmware_start(double rate_hz, const char *settings);
 void firmware_fly(void);
 
 /* Run one frame; time_s of both packets is set here.  The answer is left as it was when the firmware sends none. */
-bool firmware_frame(struct state_packet *state, struct stick_packet *sticks, struct servo_packet *answer, bool *answered);
+bool firmware_frame(struct state_packet *state, struct stick_packet *sticks, struct servo_packet *answer,
+                    bool *answered);
 
 /* End the firmware and remove its folder. */
 void firmware_stop(void);

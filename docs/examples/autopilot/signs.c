@@ -31,7 +31,8 @@ static const struct {
     {"yaw rate, right", RATE, RIG_SIGNAL_YAW_RATE, RIG_SURFACE_RUDDER_RAD, 1},
 };
 static const char *const surfaces[] = {"elevator", "aileron", "rudder"};
-static const char *const ways[][2] = {{"trailing edge up", "trailing edge down"}, {"rolls left", "rolls right"}, {"yaws right", "yaws left"}};
+static const char *const ways[][2] = {
+    {"trailing edge up", "trailing edge down"}, {"rolls left", "rolls right"}, {"yaws right", "yaws left"}};
 
 static struct rig_law_input in;
 static struct rig_output out;
