@@ -19,7 +19,8 @@
 #define ARM_S 6.0            /* it refuses to arm in the first 5 s after power-on */
 #define THROTTLE_S 6.5
 #define FLY_S 7.0
-#define ARMED_PWM 1100.0F
+#define LEAST_THROTTLE 0.1 /* on the ground, to see that the motor follows */
+#define ARMED_PWM 1050.0F
 #define MOST_DISARMED 5 /* frames */
 
 static struct rig_config config;
@@ -46,12 +47,13 @@ static int arm(void)
 {
     bool answered = false;
     const long frames = lround(FLY_S * config.rate_hz);
+    const double throttle = fmax(config.trim_surface[RIG_SURFACE_THROTTLE], LEAST_THROTTLE);
     for (long i = 0; i < frames; i++) {
         const double t = (double)i / config.rate_hz;
         neutral(&state, &sticks);
         sticks.channel[SWITCH_ANGLE] = 2000;
         sticks.channel[SWITCH_ARM] = t >= ARM_S ? 2000 : 1000;
-        sticks.channel[STICK_THROTTLE] = t >= THROTTLE_S ? 1200 : 1000;
+        sticks.channel[STICK_THROTTLE] = t >= THROTTLE_S ? throttle_stick(throttle) : 1000;
         if (!firmware_frame(&state, &sticks, &servos, &answered)) {
             return 1;
         }
