@@ -37,8 +37,8 @@ def main() -> None:
     os.dup2(2, 1)  # what a library prints is no answer
     end_cleanly()
     arguments = json.loads(_line())
-    threading.Thread(target=_end_with_server, daemon=True).start()
-    lock = threading.Lock()
+    lock, answered = threading.Lock(), threading.Event()
+    threading.Thread(target=_end_with_server, args=(answered,), daemon=True).start()
 
     def send(**message: Any) -> None:
         with lock, suppress(BrokenPipeError):
@@ -46,7 +46,9 @@ def main() -> None:
             wire.flush()
 
     with listening(_reporter(send)):
-        send(**_answer(arguments))
+        answer = _answer(arguments)
+        answered.set()
+        send(**answer)
 
 
 def _line() -> bytes:
@@ -55,10 +57,11 @@ def _line() -> bytes:
         return file.readline()
 
 
-def _end_with_server() -> None:
+def _end_with_server(answered: threading.Event) -> None:
     while os.read(0, 1):  # nothing more comes: it closes when the server is gone
         pass
-    os.kill(os.getpid(), signal.SIGTERM)
+    if not answered.is_set():
+        os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(PATIENCE_S)
     os._exit(CODE + signal.SIGTERM)
 
