@@ -26,7 +26,7 @@ from rig.studies.campaign.worker import flown_with
 from rig.unit import fmu as fmu_transport
 from rig.unit.fmu_description import TOKEN, Version, description, variables
 from rig.unit.unit_file import Unit
-from rig.unit.unit_records import CONFIG, HELLO, INPUT, OUTPUT
+from rig.unit.unit_records import CONFIG, HELLO, INPUT, LAW_INPUT, OF_LAW, OUTPUT
 
 needs_fmpy = pytest.mark.skipif(find_spec("fmpy") is None, reason="no FMPy: pip install 'jsbsim-rig[fmi]'")
 VERSIONS = get_args(Version)
@@ -104,8 +104,10 @@ def test_the_description_has_every_field_of_the_records_and_nothing_else(version
         for dtype in (CONFIG, INPUT, OUTPUT)
         for name in set(dtype.names or ()) - heads
         if not name.startswith("pad_")
-    }
-    for record, dtype in enumerate((CONFIG, INPUT, OUTPUT)):
+    } | {"law_input"}
+    of_law = {re.split(r"[\[.]", one.name)[1] for one in variables(version) if one.name.startswith("law_input.")}
+    assert of_law == set(OF_LAW)
+    for record, dtype in enumerate((CONFIG, INPUT, OUTPUT, LAW_INPUT)):
         known = [variable for variable in variables(version) if variable.record == record]
         covered = np.zeros(dtype.itemsize, int)
         for variable in known:

@@ -92,7 +92,7 @@ def test_a_box_that_is_rebooted_in_flight_starts_again_and_trim_is_flown(tmp_pat
         return step(self, frame)
 
     monkeypatch.setattr(UnitUnderTest, "_step", rebooted)
-    monkeypatch.setattr("rig.flight.unit_loop.FOREVER_NS", 0)  # every frame goes by _step
+    monkeypatch.setattr("rig.flight.unit_exchange.FOREVER_NS", 0)  # every frame goes by _step
     command = ["sh", "-c", f"echo $$; exec {build('box_udp')} --rig {{address}}"]
     tested = written(tmp_path, {"name": "box", "transport": "udp", "command": command, "on_dead": "restart"})
     flight = rig.fly(overrides=("duration_s=2", "faults=[]"), out=tmp_path, unit=tested)

@@ -191,7 +191,7 @@ def _fly_and_record(
         else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
     )
     if (outcome := to.outcome) is not None:
-        outcome.begin(scenario, *((None,) if unit is None else (unit.lane, unit.unit.votes)))
+        outcome.begin(scenario, None if unit is None else unit.lane, unit is None or unit.unit.votes)
     known = metadata(scenario)
     if unit is not None:  # it starts with the flight's computer and waits for the first frame: all else comes before
         Findings(scenario)

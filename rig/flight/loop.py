@@ -143,12 +143,12 @@ class Rig:
 def bind_computer(data: StageData, own: OwnManager | None) -> ComputerStep:
     """Bind the flight computer to what its stages keep: one compiled call, or two around the user's manager."""
     rows = nested(new_block(2))
-    return bind(compute, rows, 0, data) if own is None else _around_manager(rows, data, own)
+    return bind(compute, rows, 0, data) if own is None else around_manager(rows, data, own, after_votes)
 
 
-def _around_manager(rows: Nested, data: StageData, own: OwnManager) -> ComputerStep:
-    """Do what ``compute`` does, with the user's manager in the place of ours."""
-    first, last = bind(before_votes, rows, 0, data), bind(after_votes, rows, 0, data)
+def around_manager(rows: Nested, data: Any, own: OwnManager, last: Callable[..., None]) -> Callable[..., None]:
+    """Do what ``compute`` does up to the votes, which are of the user's manager, and then ``last``."""
+    first, last = bind(before_votes, rows, 0, data), bind(last, rows, 0, data)
     bound, bus, fcc = rows, rows["bus"], rows["fcc"]
 
     def step(block: Nested, k: int, data: StageData) -> None:

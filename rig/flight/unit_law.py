@@ -1,6 +1,6 @@
 """A unit under test in the place of the control law: the rig votes, the unit answers the surfaces.
 
-before_votes, vote   as in a flight without a unit: any manager, also one of the user, or a second unit
+vote_own             as in a flight without a unit; or another manager, one of the user, or a second unit
 ask_law              what has been voted, into the record of the unit; the unit, wherever it is
 after_law            its surfaces into the row, and on to the actuators
 
@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from rig.computer.control.law import control_law
 from rig.computer.control.law_state import ControlData
 from rig.computer.control.source import source_of
-from rig.computer.redundancy import RedundancyData, conclude, vote_signals
+from rig.computer.lanes.think import ComputerData, vote
+from rig.computer.redundancy import RedundancyData, conclude
 from rig.computer.redundancy.own import OwnManager
-from rig.core.frame import FLAT, SURFACES, S, UnitStatus, nested, new_block
+from rig.core.frame import FLAT, SURFACES, Block, S, UnitStatus, nested, new_block
 from rig.core.kernels import bind, kernel
-from rig.flight.loop import ComputerStep, StageData, after, before_votes, compute
+from rig.flight.loop import ComputerStep, StageData, after, around_manager, before_votes, compute
 from rig.flight.unit_exchange import Exchange, exchange_with
 from rig.unit.compiled_exchange import PENDING, try_exchange
 from rig.unit.port import BLANK, FLOWN, STARTING, fill, fill_law, fly_trim, take
@@ -50,7 +51,7 @@ class AroundLaw(NamedTuple):
     standby: NDArray[Any] | None  # (2,) FRAME, workspace of the built-in law; None if it does not stand by
 
 
-Vote = Callable[[Any, Any, int, AroundLaw], None]  # a voter in Python: block, raw, row
+Vote = Callable[[Any, Any, int, AroundLaw], object]  # a frame up to its votes: block, raw, row, data
 
 
 class Computer(NamedTuple):
@@ -73,81 +74,70 @@ def around_law(unit: UnitUnderTest, data: StageData, own: OwnManager | None) -> 
         stages = data.sensors, data.inertial, data.faults, data.redundancy, data.control, data.actuators
         return AroundLaw(*stages, None, standby)
 
-    frame = _frame(around(data))
+    rows, stages = nested(new_block(2)), around(data)
+    frame = rows, bytes_of(rows), 0, stages
     last = bind(after_law, *frame, unit.port.back, 0)
-    vote = _by_unit(unit.voter, around(data)) if unit.voter is not None else None if own is None else _by_class(own)
-    if vote is None:
-        whole = bind(with_law, *frame, unit.port, unit.compiled, 0)
-        return Computer(exchange_with(unit, whole, last), around, bind(compute, frame[0], 0, data) if backup else None)
-    first, rest = bind(before_votes, *frame[::2], frame[3]), bind(ask_law, *frame, unit.port, unit.compiled, 0)
+    if unit.voter is None and own is None:
+        whole, ours = bind(with_law, *frame, unit.port, unit.compiled, 0), bind(compute, rows, 0, data)
+        return Computer(exchange_with(unit, whole, last), around, ours if backup else None)
+    ask = _by_class(own, rows, stages) if unit.voter is None else _by_unit(unit.voter, *frame)
+    rest, fly = bind(ask_law, *frame, unit.port, unit.compiled, 0), bind(fly_own, rows, 0, stages)
 
     def voted(block: Any, raw: Any, k: int, stages: AroundLaw, *exchange: Any) -> int:
-        first(block, k, stages)
-        vote(block, raw, k, stages)
+        ask(block, raw, k, stages)
         return rest(block, raw, k, stages, *exchange)
 
-    fly = bind(fly_own, *frame[::2], frame[3])
-
-    def ours(block: Any, k: int, data: StageData) -> None:
+    def taken_over(block: Any, k: int, data: StageData) -> None:
         stages = around(data)
-        first(block, k, stages)
-        vote(block, block.view(np.uint8).reshape(len(block), -1), k, stages)
+        ask(block, bytes_of(block), k, stages)
         fly(block, k, stages)
 
-    return Computer(exchange_with(unit, voted, last), around, ours if backup else None)
+    return Computer(exchange_with(unit, voted, last), around, taken_over if backup else None)
 
 
-def _frame(stages: AroundLaw) -> tuple[Any, Any, int, AroundLaw]:
-    """Return arguments of the kernels: a block, its bytes, a row, the data."""
-    rows = nested(new_block(2))
-    return rows, rows.view(np.uint8).reshape(2, -1), 0, stages
+def bytes_of(rows: Block) -> NDArray[np.uint8]:
+    """Return ``rows`` (n,) as (n, bytes): the same memory."""
+    return rows.view(np.uint8).reshape(len(rows), -1)
 
 
-def _by_class(own: OwnManager) -> Vote:
+def _by_class(own: OwnManager | None, rows: Block, stages: AroundLaw) -> Vote:
     """Let the user's manager vote."""
-    frame = nested(new_block(2)), 0
-    conclude_row: Callable[..., None] | None = None
-
-    def vote(block: Any, raw: Any, k: int, stages: AroundLaw) -> None:
-        nonlocal conclude_row
-        own.step(block, block["bus"], block["fcc"], k)
-        conclude_row = conclude_row or bind(conclude_votes, *frame, stages)
-        conclude_row(block, k, stages)
-
-    return vote
+    assert own is not None
+    step = around_manager(rows, stages, own, conclude_votes)
+    return lambda block, raw, k, stages: step(block, k, stages)
 
 
-def _by_unit(voter: UnitUnderTest, stages: AroundLaw) -> Vote:
-    """Let a second unit vote; without it the built-in manager, if its file names the backup."""
-    frame = _frame(stages)
+def _by_unit(voter: UnitUnderTest, rows: Block, raw: Any, k: int, stages: AroundLaw) -> Vote:
+    """Let a second unit vote; when it is dead the built-in manager, if its file names the backup."""
+    frame = rows, raw, k, stages
     whole = bind(ask_votes, *frame, voter.port, voter.compiled, 0)
     exchange = exchange_with(voter, whole, bind(take_votes, *frame, voter.port.back, 0))
-    ours = bind(vote_own, frame[0], 0, stages) if voter.unit.on_dead == "backup" else None
+    ours = bind(vote_own, rows, k, stages) if voter.unit.on_dead == "backup" else None
 
-    def vote(block: Any, raw: Any, k: int, stages: AroundLaw) -> None:
+    def ask(block: Any, raw: Any, k: int, stages: AroundLaw) -> None:
         if ours is not None and voter.dead:
             ours(block, k, stages)
-            status = UnitStatus.DEAD
+            status = int(UnitStatus.DEAD)
         else:
             status = exchange(block, raw, k, stages, int(block["frame"][k]))
         if status != UnitStatus.ANSWERED:  # the row has one status for both units: the worse one
             block["actuation"]["unit"][k] = status
 
-    return vote
+    return ask
 
 
 @kernel
 def with_law(block, raw, k, data, port, compiled, until_ns):
     """Compute row k with a control law outside; as unit_loop.with_unit."""
-    before_votes(block, k, data)
     vote_own(block, k, data)
     return ask_law(block, raw, k, data, port, compiled, until_ns)
 
 
 @kernel
 def vote_own(block, k, data):
-    """Let the built-in manager vote row k."""
-    vote_signals(block[k]["bus"], block[k]["fcc"], data.redundancy.manager)
+    """Fill row k up to the votes of the built-in manager."""
+    before_votes(block, k, data)
+    vote(block[k]["bus"], block[k]["fcc"], ComputerData(data.redundancy, data.control, data.faults))
     conclude_votes(block, k, data)
 
 
@@ -159,7 +149,8 @@ def conclude_votes(block, k, data):
 
 @kernel
 def ask_votes(block, raw, k, data, port, compiled, until_ns):
-    """Let a unit vote row k; PENDING as of unit_loop.with_unit."""
+    """Fill row k up to the votes of a unit; PENDING as of unit_loop.with_unit."""
+    before_votes(block, k, data)
     fill(raw, k, block[k]["frame"], port.out)
     status = try_exchange(port, compiled, until_ns) if until_ns != 0 else PENDING
     return take_votes(block, raw, k, data, port.back, status) if status != PENDING else PENDING

@@ -32,7 +32,7 @@ from rig.flight.loop import ComputerStep, Rig, StageData, after, before_votes, c
 from rig.flight.pace import Pace
 from rig.flight.unit_exchange import Exchange, exchange_with
 from rig.flight.unit_lane import around_lane
-from rig.flight.unit_law import around_law
+from rig.flight.unit_law import around_law, bytes_of
 from rig.scenario.scenario import Scenario
 from rig.unit.compiled_exchange import PENDING, try_exchange
 from rig.unit.port import BLANK, FLOWN, STARTING, conclude, fill, fill_law, fly_trim, take
@@ -132,13 +132,13 @@ class UnitVoter:
         """Begin a session; rows : from the first frame on.  BadInput: the unit will not."""
         trim = rows["flight"][0, [FLIGHT_INDEX[name] for name in SURFACES]]
         unit.begin(config_of(scenario, redundancy, trim, unit.role))
-        self._unit, self._rows, self._raw = unit, rows, _bytes(rows)
+        self._unit, self._rows, self._raw = unit, rows, bytes_of(rows)
         self._fill = fill_law if unit.role is Role.CONTROL_LAW else fill
 
     def step(self, rows: Block, k: int) -> int:
         """Write the unit's reply to row k of ``rows`` into it; return the groups of the layout that it filled."""
         if rows is not self._rows:
-            self._rows, self._raw = rows, _bytes(rows)
+            self._rows, self._raw = rows, bytes_of(rows)
         port, frame = self._unit.port, int(rows["frame"][k])
         self._fill(self._raw, k, frame, port.out)
         self._unit.count_status(take(self._raw, k, port.back, self._unit.exchange(frame, k)))
@@ -171,7 +171,7 @@ def _without_manager(data: StageData) -> _AroundUnit:
 
 def _around_unit(unit: UnitUnderTest, data: StageData) -> ComputerStep:
     """Do what ``loop.compute`` does, with the unit in the place of our own; ours once it is to take over."""
-    frame = nested(new_block(2)), _bytes(new_block(2)), 0, _without_manager(data)
+    frame = nested(new_block(2)), bytes_of(new_block(2)), 0, _without_manager(data)
     whole = bind(with_unit, *frame, unit.port, unit.compiled, 0)
     last = bind(after_unit, *frame, unit.port.back, 0)
     ours = bind(compute, frame[0], 0, data) if unit.unit.on_dead == "backup" else None
@@ -195,13 +195,13 @@ def _exchanging(
 
     arrange : from StageData to the data of the exchange
     """
-    bound, around, raw, start = nested(new_block(2)), arrange(data), _bytes(new_block(2)), 0
+    bound, around, raw, start = nested(new_block(2)), arrange(data), bytes_of(new_block(2)), 0
     bound_data = data
 
     def step(block: Nested, k: int, data: StageData) -> float:
         nonlocal bound, raw, start, bound_data, around
         if block is not bound:  # a view is slow to make
-            bound, raw, start = block, _bytes(block), int(block["frame"][0])
+            bound, raw, start = block, bytes_of(block), int(block["frame"][0])
         if data is not bound_data:
             bound_data, around = data, arrange(data)
         if ours is not None and unit.dead:
@@ -212,10 +212,6 @@ def _exchanging(
         return unit.reply_us
 
     return step
-
-
-def _bytes(rows: Block) -> NDArray[np.uint8]:
-    return rows.view(np.uint8).reshape(len(rows), -1)
 
 
 @kernel

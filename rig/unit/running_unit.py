@@ -27,10 +27,10 @@ from rig.unit.compiled_exchange import (
     to_socket,
     try_exchange,
 )
+from rig.unit.connect import connect
 from rig.unit.host import Refused
 from rig.unit.news import News
 from rig.unit.port import ACCEPTED, NOT_FINITE, RECEIVED, STARTING, Port, new_port
-from rig.unit.connect import connect
 from rig.unit.ready_message import UnitStopped, summed
 from rig.unit.session import Counts, ReplyCheck, end_session
 from rig.unit.startup import open_session
