@@ -74,6 +74,8 @@ def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     shutil.copytree(built("unit"), folder / "build")
     shutil.copy(built("firmware") / "betaflight", folder / "build")
     set_mode(folder, "none")
+    unit = folder / "f16.toml"
+    unit.write_text(unit.read_text().replace("timeout_s = 10", "timeout_s = 2"))
     (folder / "scratch").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder / "scratch"))
     monkeypatch.setenv("TMPDIR", str(folder / "scratch"))

@@ -24,7 +24,7 @@
 #define SETTINGS_PORT 5761
 #define BOOT_NS INT64_C(2000000000) /* of its own time before the first frame */
 #define PATIENCE_MS 1000            /* then a line tells that it has not finished its frame */
-#define MOST_TRIES 5                /* waits before the flight; in flight the rig's timeout_s ends the wait */
+#define MOST_TRIES 10                /* waits before the flight; in flight the rig's timeout_s ends the wait */
 #define MOST_TO_END 1000            /* frames from the request to its end */
 #define LONGEST 512                 /* of a path */
 

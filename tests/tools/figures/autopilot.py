@@ -72,10 +72,11 @@ def autopilot() -> str:
     """Return the picture.  SystemExit: there is no firmware."""
     with tempfile.TemporaryDirectory() as folder:
         flights = flown(Path(folder))
-    parts = [text(16, 26, "Betaflight flies an F-16 on voted values: pitch gyros run to their stop at 10 s", bold=True)]
+    title = "Betaflight flies an F-16 on voted values: pitch gyros run to their stop at 10 s"
+    parts = [text(16, 26, title, bold=True)]
     for column, gyros in enumerate((1, 2)):
         left = 64.0 + 342 * column
-        parts.append(text(left, 54, ("one of four", "two of four")[column], bold=True))
+        parts.append(text(left, 54, ("one gyro", "two gyros")[column], bold=True))
         parts.append(text(left + 276, 54, _lost(flights, gyros), "bad", anchor="end"))
         for row in range(len(_ROWS)):
             parts += _panel(flights, gyros, row, left)
@@ -104,8 +105,10 @@ def _panel(flights: dict[tuple[int, str], Flown], gyros: int, row: int, left: fl
 
 
 def _lost(flights: dict[tuple[int, str], Flown], gyros: int) -> str:
+    """Return the voters that lose the aircraft, in words that fit beside the heading."""
     lost = [words for manager, words, *_ in _VOTERS if not flights[gyros, manager].survived]
-    return f"lost: {', '.join(lost)}"
+    others = [words for _, words, *_ in _VOTERS[1:]]
+    return "lost with all other voters" if lost == others else f"lost with {', '.join(lost)}"
 
 
 def _cross(x: float, y: float, role: str) -> Iterable[str]:
