@@ -191,8 +191,8 @@ class Unit(Settings):
 
     @property
     def _named(self) -> str:
-        """Return library, FMU or program as the unit file names it."""
-        return self.path or (self.command or [""])[0]
+        """Return library, FMU or program as the unit file names it; the file of a law in Python."""
+        return self.path or (self.file.name if self.law is not None else (self.command or [""])[0])
 
     def hashes(self) -> dict[str, str]:
         """Return the SHA-256 of each file of the unit by its name, as the file was when it was first read.  BadInput.
