@@ -132,3 +132,11 @@ def test_a_circle_of_links_and_no_name_are_below_no_folder(tmp_path: Path):
     (tmp_path / "b").symlink_to(tmp_path / "a")
     assert not is_below(Path("a\0b"), [tmp_path])
     assert is_below(tmp_path / "none", [tmp_path]) and not is_below(tmp_path.parent, [tmp_path])
+
+
+def test_what_a_call_may_reach_makes_only_temporary_folders_that_it_may_use():
+    """Others would be outside its folders; ``rig campaign plan``, whose processes write there, is no tool."""
+    rooms = (Path(confined.__file__).parents[1] / room for room in ("bench", "studies", "verdict"))
+    sources = [path for room in rooms for path in room.rglob("*.py")]
+    assert len(sources) > 50
+    assert [path.name for path in sources if "TemporaryDirectory" in path.read_text()] == ["estimate.py"]

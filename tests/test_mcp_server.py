@@ -362,9 +362,9 @@ def conversations() -> list[tuple[dict[str, Any], dict[str, Any]]]:
 
 def shown(real: Any, page: Any) -> Any:
     """What a page would show of a real answer, if it showed the same keys."""
-    if isinstance(page, dict):
-        return {key: shown(real[key], value) for key, value in page.items()}
-    if isinstance(page, list) and len(real) == len(page):
+    if isinstance(page, dict) and isinstance(real, dict):
+        return {key: shown(real.get(key), value) for key, value in page.items()}
+    if isinstance(page, list) and isinstance(real, list) and len(real) == len(page):
         return [shown(one, other) for one, other in zip(real, page, strict=True)]
     return real
 
