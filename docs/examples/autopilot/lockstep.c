@@ -29,6 +29,7 @@
 
 #define LOOK_NS 500
 #define SECOND_NS INT64_C(1000000000)
+#define MOMENT_NS 20000000
 #define MOST_INPUTS 4
 
 struct input {
@@ -108,6 +109,17 @@ static void tell(enum lockstep_kind kind, int wanted, int given)
     (void)!send(messages, &message, sizeof message, MSG_NOSIGNAL);
 }
 
+/* Wait until something has moved, or a moment: glibc before 2.41 can lose the wake-up of a condition (bug 25847). */
+static void wait(void)
+{
+    struct timespec until;
+    real_gettime(CLOCK_REALTIME, &until);
+    until.tv_nsec += MOMENT_NS;
+    until.tv_sec += until.tv_nsec / SECOND_NS;
+    until.tv_nsec %= SECOND_NS;
+    pthread_cond_timedwait(&moved, &mutex, &until);
+}
+
 /* ---- The clock ---- */
 
 int clock_gettime(clockid_t clock, struct timespec *time)
@@ -138,7 +150,7 @@ int nanosleep(const struct timespec *wanted, struct timespec *rest)
             tell(LOCKSTEP_GATE, 0, 0);
             pthread_cond_broadcast(&moved);
         }
-        pthread_cond_wait(&moved, &mutex);
+        wait();
     }
     pthread_mutex_unlock(&mutex);
     return 0;
@@ -180,7 +192,7 @@ static void take_turn(const struct input *of)
 {
     pthread_mutex_lock(&mutex);
     while (!all_free && (!at_gate || turn_taken || (of != NULL && of->finished))) {
-        pthread_cond_wait(&moved, &mutex);
+        wait();
     }
     turn_taken = has_turn = true;
     pthread_mutex_unlock(&mutex);
