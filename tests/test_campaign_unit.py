@@ -209,5 +209,6 @@ def test_a_control_law_flies_behind_the_managers_of_a_campaign(tmp_path: Path):
         assert set(runs.filter(pl.col("manager").str.contains("cross"))["detected"]) == {1}
     assert tables[0] == tables[1]
     (tmp_path / "python" / "pid.py").write_text((SOURCES / "pid.py").read_text() + "\n")
+    changed = tmp_path / "python" / "pid_python.toml"
     with pytest.raises(BadInput, match="unit"):
-        run(Plan(read(path), str(path), Trust(str(path))), tmp_path / "python_campaign", unit=in_python)
+        run(Plan(read(path), str(path), Trust(str(path))), tmp_path / "python_campaign", unit=read_unit(changed))

@@ -193,9 +193,8 @@ def test_a_law_that_is_our_own_in_one_lane_flies_the_bits_of_four_of_ours(tmp_pa
     assert theirs.voter == "manager cross-channel, law law as lane B"
 
 
-def test_a_law_that_dies_in_its_lane_is_failed_and_three_fly_on(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("FAULT", "segv")
-    flight = fly(tmp_path, unit(tmp_path, "faulty", role="control-law", on_dead="hold"), "B")
+def test_a_law_that_dies_in_its_lane_is_failed_and_three_fly_on(tmp_path: Path):
+    flight = fly(tmp_path, faulty(tmp_path, "segv", role="control-law", on_dead="hold"), "B")
     assert flight.survived and set(flight.lanes_failed) == {"B"} and not flight.failed
 
 

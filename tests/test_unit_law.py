@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -265,39 +264,42 @@ def test_a_log_replayed_with_another_law_names_its_surfaces(tmp_path: Path, buil
 # What goes wrong ----------------------------------------------------------------------------------------------
 
 
-def faulty(folder: Path, monkeypatch: pytest.MonkeyPatch, fault: str, frame: int = 50, **keys: Any) -> Unit:
-    monkeypatch.setenv("FAULT", fault)
-    monkeypatch.setenv("FAULT_FRAME", str(frame))
-    return unit(folder, "faulty", **ROLE, **keys)
+def at_frame(fault: str, frame: int) -> dict[str, str]:
+    """The environment of tests/units/faulty.c."""
+    return {"FAULT": fault, "FAULT_FRAME": str(frame)}
+
+
+def faulty(folder: Path, fault: str, frame: int = 50, **keys: Any) -> Unit:
+    return unit(folder, "faulty", environment=at_frame(fault, frame), **ROLE, **keys)
 
 
 @needs_a_compiler
 @pytest.mark.parametrize("fault", DEATHS)
-def test_a_dead_law_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path, monkeypatch: Any, fault: str):
+def test_a_dead_law_ends_the_flight_in_one_line_with_a_whole_log(tmp_path: Path, fault: str):
     with pytest.raises(RigError) as said:
-        fly(tmp_path, faulty(tmp_path, monkeypatch, fault))
+        fly(tmp_path, faulty(tmp_path, fault))
     assert f"unit.toml: faulty, frame 50: {DEATHS[fault]}" in str(said.value)
     (log,) = tmp_path.glob("*.mcap")
     assert info(log)["damage"] is None and len(rig.read_log(log).rows) == 50
 
 
 @needs_a_compiler
-def test_a_law_that_hangs_is_dead_after_its_time_limit(tmp_path: Path, monkeypatch: Any):
+def test_a_law_that_hangs_is_dead_after_its_time_limit(tmp_path: Path):
     with pytest.raises(RigError, match=r"frame 50: has not answered within timeout_s = 0.3 s"):
-        fly(tmp_path, faulty(tmp_path, monkeypatch, "hang", timeout_s=0.3))
+        fly(tmp_path, faulty(tmp_path, "hang", timeout_s=0.3))
 
 
 @needs_a_compiler
-def test_a_surface_that_is_no_number_stays_where_it_was(tmp_path: Path, monkeypatch: Any):
-    flight = fly(tmp_path, faulty(tmp_path, monkeypatch, "nan surface"))
+def test_a_surface_that_is_no_number_stays_where_it_was(tmp_path: Path):
+    flight = fly(tmp_path, faulty(tmp_path, "nan surface"))
     surface = flight.rows["surface"]
     assert flight.unit is not None and flight.unit["not_finite"] == 1
     assert surface[50, 0] == surface[49, 0] and surface[51, 0] > surface[50, 0] and np.isfinite(surface).all()
 
 
 @needs_a_compiler
-def test_an_answer_without_surfaces_is_refused_and_the_last_one_flown(tmp_path: Path, monkeypatch: Any):
-    flight = fly(tmp_path, faulty(tmp_path, monkeypatch, "silent"))
+def test_an_answer_without_surfaces_is_refused_and_the_last_one_flown(tmp_path: Path):
+    flight = fly(tmp_path, faulty(tmp_path, "silent"))
     rows = flight.rows
     assert rows["unit"][50] == UnitStatus.REFUSED and np.array_equal(rows["surface"][50], rows["surface"][49])
     assert flight.unit is not None and flight.unit["refused"] == 1
@@ -357,9 +359,7 @@ def test_the_built_in_law_takes_over_without_a_step_and_keeps_to_the_commands(
     (tmp_path / "third_channel.py").write_text(OWN)
     monkeypatch.syspath_prepend(tmp_path)
     scenario = {**CLIMB, "redundancy": {"manager": manager}}
-    flight = rig.fly(
-        scenario, out=tmp_path, unit=faulty(tmp_path, monkeypatch, "segv", 500, on_dead="backup"), allow_code=True
-    )
+    flight = rig.fly(scenario, out=tmp_path, unit=faulty(tmp_path, "segv", 500, on_dead="backup"), allow_code=True)
     rows = flight.rows
     assert flight.survived and flight.unit is not None and flight.unit["dead_frame"] == 500
     assert (rows["unit"][501:] == UnitStatus.DEAD).all() and (rows["law"][501:] == Law.AUTOPILOT).all()
@@ -371,8 +371,8 @@ def test_the_built_in_law_takes_over_without_a_step_and_keeps_to_the_commands(
 
 
 @needs_a_compiler
-def test_without_a_back_up_the_last_surfaces_are_held_and_the_manager_votes_on(tmp_path: Path, monkeypatch: Any):
-    flight = fly(tmp_path, faulty(tmp_path, monkeypatch, "segv", 40, on_dead="hold"))
+def test_without_a_back_up_the_last_surfaces_are_held_and_the_manager_votes_on(tmp_path: Path):
+    flight = fly(tmp_path, faulty(tmp_path, "segv", 40, on_dead="hold"))
     rows = flight.rows
     assert (rows["surface"][40:] == rows["surface"][39]).all() and flight.failed == {"pitch_rate": [3]}
 
@@ -490,7 +490,8 @@ def test_a_function_may_return_the_law_and_the_backup_take_over_from_one(tmp_pat
 def with_voter(folder: Path, name: str = "pid", voter: dict[str, Any] | None = None, **keys: Any) -> Unit:
     """A law beside which a unit votes: our monitor in C."""
     lines = {"name": "votes", "path": str(library("monitor")), **(voter or {})}
-    (folder / "voter.toml").write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in lines.items()))
+    written(folder, lines)
+    (folder / "unit.toml").rename(folder / "voter.toml")
     return unit(folder, name, **ROLE, voter="voter.toml", **keys)
 
 
@@ -510,10 +511,10 @@ def test_a_unit_may_vote_for_a_law_that_is_another_unit(tmp_path: Path):
 
 @needs_a_compiler
 @pytest.mark.parametrize("then", ["end", "hold", "backup"])
-def test_a_dead_voter_beside_a_law_is_handled_as_its_own_file_names(tmp_path: Path, monkeypatch: Any, then: str):
-    monkeypatch.setenv("FAULT", "segv")
-    monkeypatch.setenv("FAULT_FRAME", "40")
-    tested = with_voter(tmp_path, voter={"path": str(library("faulty")), "on_dead": then})
+def test_a_dead_voter_beside_a_law_is_handled_as_its_own_file_names(tmp_path: Path, then: str):
+    tested = with_voter(
+        tmp_path, voter={"path": str(library("faulty")), "on_dead": then, "environment": at_frame("segv", 40)}
+    )
     if then == "end":
         with pytest.raises(RigError, match=r"voter.toml: votes, frame 40: killed by signal 11"):
             fly(tmp_path, tested)
@@ -527,10 +528,8 @@ def test_a_dead_voter_beside_a_law_is_handled_as_its_own_file_names(tmp_path: Pa
 
 
 @needs_a_compiler
-def test_a_dead_law_leaves_the_votes_to_the_unit_beside_it(tmp_path: Path, monkeypatch: Any):
-    monkeypatch.setenv("FAULT", "segv")
-    monkeypatch.setenv("FAULT_FRAME", "40")
-    flight = fly(tmp_path, with_voter(tmp_path, "faulty", on_dead="backup"))
+def test_a_dead_law_leaves_the_votes_to_the_unit_beside_it(tmp_path: Path):
+    flight = fly(tmp_path, with_voter(tmp_path, "faulty", on_dead="backup", environment=at_frame("segv", 40)))
     rows = flight.rows
     assert flight.survived and flight.failed == {"pitch_rate": [3]}
     assert (rows["law"][41:] == Law.AUTOPILOT).all() and flight.unit is not None
