@@ -47,6 +47,7 @@ _CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # o
 _SCENARIO: Final = "everything.toml"
 _OWN: Final = "aircraft.toml"
 _NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ntransport = "udp"\ncommand = ["X"]\n'
+_BESIDE: Final = 'name = "u"\npath = "noise.csv"\n'
 _MAPPED: Final = "".join(f'"pitch_rate.{c}" = "X:pitch_rate.{c}"\n' for c in (1, 2))
 _MAPPING: Final = f"[default]\nthreshold = 0.1\n[mapping]\n{_MAPPED}"
 _BASE: Final = "\n[vary]\nseed = [1]\n"
@@ -68,6 +69,11 @@ def _tables(argv: str, *needs: str) -> tuple[Reader, ...]:
     return tuple(Reader(argv, sound, needs) for sound in ("in.csv", "in.parquet", "log.mcap"))
 
 
+def _fly_beside(text: str, sound: str) -> Reader:
+    """A flight of a unit whose file has this text."""
+    return Reader(f"fly everything.toml {_FLY} --unit u.toml", sound, (_SCENARIO, "noise.csv"), (("u.toml", text),))
+
+
 # By command and parameter; of an argument its name.
 READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "aircraft check name": (Reader("aircraft check X", "own", mark=_OWN, long=True),),
@@ -79,6 +85,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "campaign compare second": (Reader("campaign compare camp X", **_CAMPAIGN, needs=("camp",)),),
     "campaign fly --unit": (_unit("campaign fly camp --run 0 --unit X", "camp"),),
     "campaign fly folder": (Reader("campaign fly X --run 0", **_CAMPAIGN),),
+    "campaign plan --unit": (_unit("campaign plan campaign.toml --unit X", "campaign.toml"),),
     "campaign plan file": (Reader("campaign plan X", "campaign.toml"),),
     "campaign report folder": (Reader("campaign report X", **_CAMPAIGN),),
     "campaign run --unit": (_unit("campaign run campaign.toml --out o --unit X", "campaign.toml"),),
@@ -95,6 +102,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "fly --requirements": (_requirements(f"fly everything.toml {_FLY} --requirements X", _SCENARIO),),
     "fly --unit": (_unit(f"fly everything.toml {_FLY} --unit X", _SCENARIO),),
     "fly scenario": (Reader(f"fly X {_FLY}", _SCENARIO),),
+    "fmu build scenario": (Reader("fmu build X --out x.fmu", _SCENARIO, long=True),),
     "info log": (_log("info X"),),
     "benchmark --config": (Reader("benchmark --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
     "benchmark --healthy": (Reader("benchmark smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
@@ -188,6 +196,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         Reader("search worst-pitch-rate --requirement vote --flights 40 --out X", **_CAMPAIGN, long=True),
     ),
     "search --requirements": (_requirements("search smoke --requirement vote --flights 9 --out o --requirements X"),),
+    "search --unit": (_unit("search smoke --requirement vote --flights 9 --out o --unit X"),),
     "search campaign": (Reader("search X --requirement vote --flights 9 --out o", "campaign.toml", long=True),),
     "thresholds --config": (
         Reader("thresholds in.csv --config X --budget 1 --out t.toml", "vote.toml", ("in.csv",), long=True),
@@ -247,6 +256,9 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
             executable=True,
         ),
     ),
+    "Unit.files": (_fly_beside(f'{_BESIDE}files = ["X"]\n', "noise.csv"),),
+    "Unit.environment": (_fly_beside(f'{_BESIDE}[environment]\nLD_PRELOAD = "${{folder}}/X"\n', "noise.csv"),),
+    "Unit.voter": (_fly_beside(f'{_BESIDE}role = "control-law"\nvoter = "X"\n', "unit.toml"),),
     "Campaign.base": (Reader("campaign plan c.toml", _SCENARIO, beside=(("c.toml", f'base = "X"{_BASE}'),)),),
     "Campaign.requirements": (
         Reader(
@@ -301,14 +313,18 @@ _PARAMETERS: Final = """
     tab threshold
     to tolerance
 """
-OTHER_PARAMETERS: Final = {"aircraft new name", *_PARAMETERS.split()}  # other parameters ``name`` read one
+OTHER_PARAMETERS: Final = {  # other parameters ``name`` read one; files below ``--read`` are those of the commands
+    *("aircraft new name", "mcp --read"),
+    *_PARAMETERS.split(),
+}
 _KEYS: Final = """
     accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes cases causes
     class_ constants default discrete distribution errors false_isolations_source faults flight_point formula from_ held
-    id inputs key kinds kinds_source logs lost_margins manager manoeuvre_source name noise_sha256 outputs parameters
+    id inputs key kinds kinds_source law logs lost_margins manager manoeuvre_source name noise_sha256 outputs parameters
     position properties separator set signal signals source start stick_margins text time_column time_unit title to
     triads unit vary when without worst_in
 """
+TOOLS: Final = "rig.cli.mcp_tools"  # whose keys are arguments of the commands
 OTHER_KEYS: Final = set(_KEYS.split())
 
 
@@ -344,7 +360,7 @@ def _keys_of_text() -> list[str]:
         f"{model.__name__}.{name}"
         for model in _below(Settings)
         for name, field in model.model_fields.items()
-        if model.__module__.startswith("rig.") and _is_text(field.annotation)
+        if model.__module__.startswith("rig.") and model.__module__ != TOOLS and _is_text(field.annotation)
     ]
 
 
