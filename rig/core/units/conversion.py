@@ -29,12 +29,15 @@ USUAL: Final = {  # SI units by name, each with others that are usual
     "N*m": ("lbf*ft",),
     "V": ("mV",),
     "A": ("mA",),
+    "T": ("uT", "gauss"),
 }
 _MEANT: Final = {  # in aviation, where pint means another or none
     "g": "standard_gravity",
     "G": "standard_gravity",
     "psf": "(force_pound/foot**2)",
     "kts": "knot",
+    "gauss": "gauss_of_field",  # pint's is of another system of units
+    "mgauss": "milligauss_of_field",
 }
 _TERM: Final = r"(?:1|[^\W\d]+|[%°])(?:(?:\*\*|\^)-?[1-9])?"
 _UNIT: Final = re.compile(rf"(?=.{{1,40}}$){_TERM}(?:[*/]{_TERM})*")  # pint would compute any power
@@ -95,4 +98,6 @@ def _base(unit: str) -> tuple[float, Any] | None:
 def _registry() -> Any:
     import pint
 
-    return pint.UnitRegistry()
+    registry = pint.UnitRegistry()
+    registry.define("gauss_of_field = 1e-4 tesla")
+    return registry
