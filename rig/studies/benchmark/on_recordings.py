@@ -172,8 +172,8 @@ def _slow_faults(
 
     No isolation threshold is within single-frame noise, as with ``rig thresholds``.
     """
-    flights, bound = _flights(blocks), _bound(signal, blocks)
-    least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, CHANNELS, CHANNELS)
+    flights, bound, fitted = _flights(blocks), _bound(signal, blocks), len(blocks[0].samples)
+    least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, fitted, fitted)
     for frames in Grid(0.0).persistence:
         of_frames = {"persistence": frames, "split_persistence": frames}
         given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "split_persistence_s": None})
