@@ -38,13 +38,21 @@ class Source(NamedTuple):
 
 def topics(path: Path) -> dict[str, str]:
     """Return the topics of an MCAP file in their order, with the names of their schemas; BadLog: cut or damaged."""
-    with _opened(path) as file:
+    with opened(path) as file:
         return _topics(summary(file))
+
+
+def encodings(path: Path) -> set[tuple[str, str]]:
+    """Return encoding and schema of the messages of an MCAP file.  BadLog as ``topics``."""
+    with opened(path) as file:
+        contents = summary(file)
+    of = ((channel.message_encoding, contents.schemas.get(channel.schema_id)) for channel in contents.channels.values())
+    return {(encoding, schema.name if schema else "") for encoding, schema in of}
 
 
 def messages_of(path: Path) -> dict[str, tuple[str, list[str]]]:
     """Return the message of each topic that rig vote or a flight wrote, and the names of its fields.  BadLog."""
-    with _opened(path) as file:
+    with opened(path) as file:
         contents = summary(file)
     of = {c.topic: contents.schemas[c.schema_id] for c in contents.channels.values() if c.schema_id}
     ours = {topic: schema for topic, schema in of.items() if schema.name.startswith("rig.")}
@@ -58,7 +66,7 @@ def _names(schema: Schema) -> list[str]:
 
 def fields(path: Path) -> dict[str, set[str]]:
     """Return the fields of FRAME in each topic of a flight's vote; none of another file.  BadLog as ``topics``."""
-    with _opened(path) as file:
+    with opened(path) as file:
         channels = summary(file).channels.values()
     return {
         channel.topic: set(channel.metadata[FIELDS].split(",")) for channel in channels if FIELDS in channel.metadata
@@ -77,7 +85,7 @@ def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
     Time is the log time of each message, by which they are ordered.  BadInput: no such topic or field, an encoding
     that is neither protobuf nor JSON; BadLog: a file that is cut or damaged, or expands beyond its limits.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         contents = summary(file)
         present = _topics(contents)
         for topic in wanted:
@@ -94,7 +102,8 @@ def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[LimitedFile]:
+def opened(path: Path) -> Iterator[LimitedFile]:
+    """Open an MCAP file; what its parts raise in the block is a BadLog."""
     try:
         with LimitedFile(path) as file:
             yield file
