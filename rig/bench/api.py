@@ -46,6 +46,7 @@ def vote(
     config: Path | str | Mapping[str, Any] | None = None,
     *,
     out: Path | str | None = None,
+    preset: str | None = None,
     align: AlignOptions | bool = False,
     faults: Path | str | None = None,
     repair_time: bool = False,
@@ -53,9 +54,10 @@ def vote(
 ) -> Votes:
     """Vote on recorded channels with the redundancy manager.
 
-    recorded : CSV, Parquet or MCAP file, or a folder of tables
-    config : settings of the signals, a file or its tables; not needed for the log of a flight
+    recorded : CSV, Parquet or MCAP file, a log of PX4, ArduPilot, ROS 2 or MDF 4, or a folder of tables
+    config : settings of the signals, a file or its tables; not needed for the log of a flight, or with a preset
     out : file to write the votes to: .csv, .parquet or .mcap
+    preset : of a log of another system, if not the one of its format
     align : True removes constant delays and offsets, found in the first six seconds; AlignOptions: in another segment
     faults : file or bundled scenario whose faults are injected
     repair_time : True drops rows whose time does not exceed that of all earlier rows
@@ -63,7 +65,7 @@ def vote(
     BadInput, one line: names the file and the key.
     """
     asked = AlignOptions() if align is True else align or None
-    options = Options(asked, None if faults is None else str(faults), repair_time, allow_code)
+    options = Options(asked, None if faults is None else str(faults), repair_time, allow_code, preset=preset)
     settings = plain_data(config, "config") if isinstance(config, Mapping) else None if config is None else Path(config)
     path = Path(recorded)
     if out is None:

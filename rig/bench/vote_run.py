@@ -27,14 +27,18 @@ from rig.bench.vote_rows import (
 from rig.bench.vote_summary import summary
 from rig.bench.write_votes import output, table, write, write_units_beside
 from rig.core.errors import BadInput
+from rig.core.files import is_file
 from rig.core.frame import CHANNELS, State, Table, rows
 from rig.core.progress import tell
 from rig.core.trust import Trust
 from rig.log.recordings.alignment import AlignOptions, run_alignment
 from rig.log.recordings.flown_log import Recorded, recorded, refuse_link
+from rig.log.recordings.formats.contents import OpenLog
+from rig.log.recordings.formats.known import names, open_log
+from rig.log.recordings.formats.presets import config as preset_config
 from rig.log.recordings.injection_file import read_injection
 from rig.log.recordings.own_logs import is_flight, of_log
-from rig.log.recordings.read import load
+from rig.log.recordings.read import ENDINGS, load
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.vote_config import RecordedDiscrete, RecordedSignal, VoteConfig, config_of, read_config
 from rig.verdict.requirements.along import plain
@@ -52,6 +56,7 @@ class Options:
     repair: bool = False
     allow_code: bool = False
     requirements: tuple[str, ...] = ()  # bundled sets and files
+    preset: str | None = None  # of a log of another system; None: that of its format
 
 
 class Laps:
@@ -124,6 +129,8 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
     config : settings of the signals, a file or its tables; None: those of the scenario in ``recorded``
     Faults are injected into the recording before its alignment, because a fault is in the sensor.
     """
+    if config is not None and options.preset is not None:
+        raise BadInput("--preset, --config: only one of them")
     test = None if options.faults is None else read_injection(options.faults)
     asked = _by_scenario(recorded, options) if config is None else _by_config(recorded, config, options)
     recording, signals, discretes = asked.recording, asked.signals, asked.discretes
@@ -156,16 +163,22 @@ def _named(config: Path | dict[str, Any] | None) -> str:
     return str(config) if isinstance(config, Path) else "config"
 
 
-def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options) -> _Asked:
+def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options, log: OpenLog | None = None) -> _Asked:
     source = _named(config)
     settings = read_config(config) if isinstance(config, Path) else config_of(config, Path(source))
-    recording, signals = load(recorded, settings, source, options.repair)
+    recording, signals = load(recorded, settings, source, options.repair, log)
     settings.refuse_short_wait(signals, recording.rate_hz, source)
     return _Asked(recording, signals, settings.discretes(recording.discretes, source), settings)
 
 
 def _by_scenario(path: Path, options: Options) -> _Asked:
-    """Read a flight with its settings.  BadInput: a recording without settings needs a configuration."""
+    """Read a flight with its settings, or a log by its preset.  BadInput: other recordings need a configuration."""
+    if (log := open_log(path)) is not None:
+        return _by_config(path, preset_config(log.contents, path, options.preset), options, log)
+    if options.preset is not None:
+        raise BadInput(f"{path}: --preset is for logs of {names()}")
+    if path.suffix not in ENDINGS and is_file(path):
+        raise BadInput(f"{path}: no log of {names()}, and no recording by its ending: {', '.join(ENDINGS)}")
     if path.suffix != ".mcap" or not is_flight(path):
         raise BadInput(f"{path}: --config is needed: only the log of a flight holds the settings of its signals")
     flown = recorded(path, options.allow_code)

@@ -13,6 +13,8 @@ from rig.cli.requirements_option import Requirements
 from rig.cli.working import working
 from rig.core.column import KEPT, Column
 from rig.core.errors import BadInput
+from rig.core.files import write_text
+from rig.core.outputs import require_apart, require_ending
 from rig.core.text import quoted
 
 if TYPE_CHECKING:
@@ -28,11 +30,27 @@ _MARKED: Final = 100.0  # extrapolations beyond this are marked
 class VoteOptions:
     """The options of ``rig vote``."""
 
-    recorded: Annotated[Path, arg("INPUT", "Recording: CSV, Parquet or MCAP, or a folder of tables.")]
-    out: Annotated[Path, opt("FILE", "File for the votes: .csv, .parquet or .mcap.")]
+    recorded: Annotated[
+        Path,
+        arg("INPUT", "Recording: CSV, Parquet, MCAP, a log of PX4, ArduPilot, ROS 2 or MDF 4, a folder of tables."),
+    ]
+    out: Annotated[
+        Path | None, opt("FILE", "File for the votes: .csv, .parquet or .mcap. Not needed with --write.")
+    ] = None
     config: Annotated[
         Path | None,
-        opt("FILE", "Configuration with the settings of the signals, TOML.", show_default="as in the flight's log"),
+        opt(
+            "FILE",
+            "Configuration with the settings of the signals, TOML.",
+            show_default="as in the flight's log, or the preset",
+        ),
+    ] = None
+    preset: Annotated[
+        str | None,
+        opt("NAME", "Preset for a log of another system: px4, ardupilot or ros2-imu.", show_default="by its format"),
+    ] = None
+    write: Annotated[
+        Path | None, opt("FILE", "Write the configuration of the preset, TOML, to adapt and to use with --config.")
     ] = None
     align: Align
     inject: Annotated[
@@ -52,11 +70,40 @@ def vote(options: VoteOptions) -> None:
     from rig.bench.vote_run import Options, run
     from rig.cli import show_vote
 
+    if options.write is not None:
+        _write_preset(options, options.write)
+    if options.out is None:
+        if options.write is None:
+            raise BadInput("--out: missing; a file for the votes: .csv, .parquet or .mcap")
+        return
     requirements = tuple(options.requirements or ())
-    how = Options(options.align.options(), options.inject, options.repair_time, options.allow_code, requirements)
+    how = Options(
+        options.align.options(), options.inject, options.repair_time, options.allow_code, requirements, options.preset
+    )
     with working("reading", not options.as_json):
         summary = run(options.recorded, options.config, options.out, how)
     emit(options.as_json, summary, lambda: show_vote.vote(summary))
+
+
+def _write_preset(options: VoteOptions, to: Path) -> None:
+    """Write the CONFIG of a preset, and print it if nothing is voted.  BadInput: INPUT is no log of another system."""
+    from rig.cli import show_contents
+    from rig.log.recordings.formats.known import names, open_log
+    from rig.log.recordings.formats.presets import config, text
+
+    if options.config is not None:
+        raise BadInput("--write, --config: only one of them")
+    require_apart({"--write": to, "--out": options.out}, [options.recorded])
+    require_ending("--write", to, "a configuration", ".toml")
+    log = open_log(options.recorded)
+    if log is None:
+        raise BadInput(f"{options.recorded}: --write is for logs of {names()}")
+    tables = config(log.contents, options.recorded, options.preset)
+    write_text(to, text(tables, log.contents, options.recorded))
+    if options.out is None:
+        emit(options.as_json, {"written": str(to), **tables}, lambda: show_contents.compared(tables))
+    if not options.as_json:
+        line(f"written  {to}")
 
 
 @dataclass(frozen=True, kw_only=True)

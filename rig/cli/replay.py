@@ -14,6 +14,7 @@ from rig.cli.printing import MOST_LINES, field, line, table
 from rig.cli.working import working
 from rig.core.column import Column
 from rig.core.errors import BadInput, BadLog
+from rig.core.files import is_file, is_folder
 from rig.core.outputs import require_apart, require_ending
 from rig.core.text import plain
 from rig.core.units.quantities import duration, moment, number, unit_shown
@@ -195,13 +196,26 @@ def _decisions(moves: Decisions, rate_hz: float) -> None:
         line("no decision and no vote changed")
 
 
-def info(log: LogFile, as_json: Json = False) -> None:
+def info(
+    log: Annotated[Path, arg("LOG", "Log of a flight, or a log of PX4, ArduPilot, ROS 2 or MDF 4.")],
+    topics: Annotated[bool, flag("--topics", "List all topics of a log of another system.")] = False,
+    as_json: Json = False,
+) -> None:
     """Print the scenario, outcome, events and versions of a log, and whether the file is complete.
 
+    A log of another system: print its sensors with instance, rate and unit, and what rig vote can compare.
     Exit code 2: the file is damaged.
     """
+    from rig.cli import show_contents
     from rig.log.info import info as read_info
+    from rig.log.recordings.formats.known import open_log
 
+    other = open_log(log) if is_file(log) or is_folder(log) else None
+    if other is not None:
+        show_contents.info(log, other.contents, topics, as_json)
+        return
+    if topics:
+        raise BadInput("--topics: for logs of other systems; that of a flight lists them with --json")
     facts = read_info(log)
     emit(as_json, facts, lambda: _info(facts))
     if facts["damage"] is not None:

@@ -1,14 +1,15 @@
-"""INPUT of ``rig vote``: a CSV, Parquet or MCAP file, or a folder of tables with a mapping.
+"""INPUT of ``rig vote``: a CSV, Parquet or MCAP file, a log of another system, or a folder of tables with a mapping.
 
     the rig's columns or log     read as they are
-    [mapping] in CONFIG          "<column>" = "<source>:<field>"; the source is a topic of an MCAP file, or
+    [mapping] in CONFIG          "<column>" = "<source>:<field>"; the source is a topic of a log, or
                                  a file in the folder INPUT; a single table needs no source: "<field>"
+    log of another system        formats/; a preset writes its mapping
 
 Signals are read in the unit that CONFIG gives them and converted to SI (``load``).
 
 Each source has its own times, which are checked or repaired first (stamps.py).  The rows are those of the first
 source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
-more than its sampling interval away.
+more than its sampling interval away.  Topics of a log of another system are averaged and interpolated (join.py).
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.core.files import reported
-from rig.core.text import shorten
+from rig.core.text import choices, quoted, shorten
 from rig.log import foreign
 from rig.log.foreign import Source
 from rig.log.recordings.columns_file import TABLES, Table
 from rig.log.recordings.csv_file import TableFormat
 from rig.log.recordings.doubts import out_of_range
+from rig.log.recordings.formats.contents import OpenLog
+from rig.log.recordings.formats.known import open_log
+from rig.log.recordings.join import joined, shortened, whole
 from rig.log.recordings.own_logs import read_ours
 from rig.log.recordings.recording import Recording, assemble, with_discretes
 from rig.log.recordings.stamps import TIME, Floats, clock, gaps, strange_rate
@@ -39,14 +43,15 @@ ENDINGS: Final = (*TABLES, ".mcap")
 
 
 def load(
-    path: Path, config: VoteConfig, source: str, repair: bool = False
+    path: Path, config: VoteConfig, source: str, repair: bool = False, log: OpenLog | None = None
 ) -> tuple[Recording, dict[str, RecordedSignal]]:
     """Return the recording at ``path`` and the settings of its signals, both in SI units, with what is doubtful told.
 
-    source : of ``config``, named in errors.  BadInput in one line: as ``read``, settings that do not fit the
-    recording, every channel of a signal out of a default range.
+    source : of ``config``, named in errors; log : the log at ``path`` if it is open already
+    BadInput in one line: as ``read``, settings that do not fit the recording, every channel of a signal out of a
+    default range.
     """
-    recording = read(path, config, repair)
+    recording = read(path, config, repair, log)
     settings = config.signals(recording.signals, source)
     if not recording.in_si:
         converted = {
@@ -57,16 +62,19 @@ def load(
     return replace(recording, warnings=(*recording.warnings, *warnings)), settings
 
 
-def read(path: Path, config: VoteConfig, repair: bool = False) -> Recording:
+def read(path: Path, config: VoteConfig, repair: bool = False, log: OpenLog | None = None) -> Recording:
     """Return the recording at ``path``, with ``repair`` without rows whose time repeats or steps back.
 
     BadInput in one line when it cannot be used.
     """
-    return with_discretes(str(path), _read(path, config, repair), config.discrete)
+    return with_discretes(str(path), _read(path, config, repair, log), config.discrete)
 
 
-def _read(path: Path, config: VoteConfig, repair: bool) -> Recording:
-    if _is_folder(path):
+def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> Recording:
+    folder = _is_folder(path)
+    if (log := log or open_log(path)) is not None and not _is_elsewhere(path, log, config):
+        return _of_log(path, log, config, repair)
+    if folder:
         return _joined(path, config, *_folder(path, _wanted(path, config), config.tables), repair)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
@@ -77,12 +85,51 @@ def _read(path: Path, config: VoteConfig, repair: bool) -> Recording:
     return read_ours(path, repair) if path.suffix == ".mcap" else _table(path, config, repair)
 
 
+def _is_elsewhere(path: Path, log: OpenLog, config: VoteConfig) -> bool:
+    """Return True if the mapping names topics of an MCAP file that are not of ROS 2."""
+    wanted = {place.rpartition(":")[0] for place in config.mapping.values()}
+    if path.suffix != ".mcap" or not wanted.isdisjoint(topic.name for topic in log.contents.topics):
+        return False
+    return bool(wanted) and wanted <= foreign.topics(path).keys()
+
+
 def _is_folder(path: Path) -> bool:
     with reported(path, BadInput, "cannot be read"):
         try:
             return S_ISDIR(path.stat().st_mode)
         except FileNotFoundError:
             raise BadInput(f"{path}: no such file") from None
+
+
+def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recording:
+    """Return the columns of the mapping in a log of another system, on the rows of one of its topics."""
+    contents, sources = log.contents, dict[str, Source]()
+    if not config.mapping:
+        raise BadInput(f"{path}: a {contents.format} log: CONFIG needs a [mapping]; rig vote --write makes one")
+    for name, fields in _wanted(path, config).items():
+        topic = contents.named(path, name)
+        for field in sorted(fields - set(topic.units)):
+            raise BadInput(f"{path}: topic {name!r} has no field {quoted(field)}; {choices(field, topic.units)}")
+        sources[name] = whole(f"{path}: {name}", log.source(topic, fields))
+    clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
+    signals: dict[str, list[str]] = {}
+    for channel, place in config.mapping.items():
+        signals.setdefault(channel.rpartition(".")[0].removesuffix(".ilm"), []).append(place.rpartition(":")[0])
+    rows, taken = joined(str(path), sources, clocks, signals)
+
+    def column(name: str) -> Floats:
+        if name == TIME:
+            return rows.time_s
+        source, _, field = config.mapping[name].rpartition(":")
+        return taken(source, field)
+
+    repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
+    warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
+    warnings += shortened(str(path), rows, clocks)
+    made = assemble(str(path), [TIME, *config.mapping], column)
+    remarks = tuple(f"{path}: {line}" for line in (f"{contents.format} log", *contents.remarks))
+    damage = tuple(f"{path}: {line}" for line in contents.damage)
+    return replace(made, kept=rows.kept, repairs=repairs, remarks=remarks, warnings=(*damage, *warnings))
 
 
 def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:

@@ -2,7 +2,8 @@
 
 Each recording is one block, that is, one flight.  INPUT of ``rig thresholds`` may be
 
-a file                                a table, or an MCAP file: a flight log, or any file with a [mapping]
+a file                                a table, an MCAP file (a flight log, or any file with a [mapping]), or the log of
+                                      another system; the folder of a ROS 2 bag too
 a folder with the sources of [mapping]  one recording made by several recorders
 a folder of a campaign                the logs of the campaign
 any other folder                      each file and each folder of sources in it, in the order of their names
@@ -27,6 +28,8 @@ from rig.core.files import is_file, is_folder
 from rig.core.outputs import CAMPAIGN
 from rig.core.renamed import data_now
 from rig.log.recordings.alignment import AlignOptions, run_alignment
+from rig.log.recordings.formats.known import is_log, open_log
+from rig.log.recordings.formats.presets import config as preset_config
 from rig.log.recordings.read import ENDINGS
 from rig.log.recordings.read import load as load_one
 from rig.log.recordings.recording import Recording, Samples
@@ -144,6 +147,12 @@ def _scenario(path: Path) -> dict[str, Any]:
     return {}
 
 
+def of_preset(paths: Sequence[Path]) -> dict[str, Any] | None:
+    """Return the tables of CONFIG by the preset of the first recording; None: it is no log of another system."""
+    log = open_log(paths[0]) if is_log(paths[0]) else None
+    return None if log is None else preset_config(log.contents, paths[0])
+
+
 def of_scenario(paths: Sequence[Path]) -> VoteConfig:
     """Return the settings of the first log's scenario, if all of INPUT is flight logs of rig.
 
@@ -172,7 +181,7 @@ def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:
 
 def _of(given: Path, config: VoteConfig) -> list[Path]:
     try:
-        if not is_folder(given) or _holds_sources(given, config):
+        if not is_folder(given) or _holds_sources(given, config) or is_log(given):
             return [given]
         campaign = is_file(given / CAMPAIGN)
         inside = sorted(_inside(given / LOGS if campaign else given, config), key=_by_number)
@@ -182,13 +191,15 @@ def _of(given: Path, config: VoteConfig) -> list[Path]:
         raise BadInput(f'{given}: the campaign kept no logs; fly it with logs = "all"')
     if not inside:
         wanted = f" nor a folder with {_first(config)}" if config.mapping else ""
-        raise BadInput(f"{given}: no recording found: neither a file of type {', '.join(ENDINGS)}{wanted}")
+        kinds = f"a file of type {', '.join(ENDINGS)}, nor a log of another system"
+        raise BadInput(f"{given}: no recording found: neither {kinds}{wanted}")
     return inside
 
 
 def _inside(folder: Path, config: VoteConfig) -> Iterator[Path]:
     for path in folder.iterdir() if is_folder(folder) else ():
-        if _holds_sources(path, config) if is_folder(path) else path.suffix in ENDINGS:
+        known = _holds_sources(path, config) if is_folder(path) else path.suffix in ENDINGS
+        if known or is_log(path):
             yield path
 
 

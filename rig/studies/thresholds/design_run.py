@@ -12,9 +12,9 @@ from typing import Any
 from rig.core.files import draft, replaced, reported
 from rig.core.outputs import require_apart, require_ending, require_page
 from rig.log.recordings.alignment import AlignOptions
-from rig.log.recordings.vote_config import VoteConfig
+from rig.log.recordings.vote_config import VoteConfig, config_of
 from rig.studies.thresholds import thresholds_page
-from rig.studies.thresholds.data import Data, load, of_scenario, recordings
+from rig.studies.thresholds.data import Data, load, of_preset, of_scenario, recordings
 from rig.studies.thresholds.data_check import beyond, envelope
 from rig.studies.thresholds.design import Grid
 from rig.studies.thresholds.design_report import remarks, summary
@@ -46,10 +46,7 @@ def run(options: Options) -> dict[str, Any]:
     require_ending("--out", options.out, "a configuration", ".toml")
     with replaced(options.out) as part, draft(page) if page else nullcontext():  # the page can be written as well
         began = perf_counter()
-        if options.config is None:
-            settings, raw = of_scenario(recordings(options.inputs, VoteConfig())), None
-        else:
-            settings, raw = start(options.config)
+        settings, raw = _settings(options)
         reading = (settings, str(options.config or options.inputs[0]), options.repair_time, options.align)
         data = load(options.inputs, *reading)
         read = perf_counter()
@@ -63,6 +60,16 @@ def run(options: Options) -> dict[str, Any]:
             chosen = {name: each.single for name, signal in signals.items() if (each := signal.design) is not None}
             thresholds_page.write(page, result, chosen)
     return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
+
+
+def _settings(options: Options) -> tuple[VoteConfig, dict[str, Any] | None]:
+    """Return the settings to begin with, and the tables of CONFIG or of a preset; None: of a scenario."""
+    if options.config is not None:
+        return start(options.config)
+    paths = recordings(options.inputs, VoteConfig())
+    if (tables := of_preset(paths)) is not None:
+        return config_of(tables, paths[0]), tables
+    return of_scenario(paths), None
 
 
 def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> None:
