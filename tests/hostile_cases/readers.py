@@ -42,6 +42,7 @@ class Reader:
 
 RATES, CHAIN, HANDLING, SUITE = "rates.toml", "chain.toml", "handling.toml", "suite.toml"
 _FLY, _VOTE = "--out logs", "--config vote.toml --out o.csv"
+_OTHER_LOGS: Final = ("flight.ulg", "flight.bin")
 _CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
 _CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # of the campaign `reliability`
 _SCENARIO: Final = "everything.toml"
@@ -103,7 +104,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "fly --unit": (_unit(f"fly everything.toml {_FLY} --unit X", _SCENARIO),),
     "fly scenario": (Reader(f"fly X {_FLY}", _SCENARIO),),
     "fmu build scenario": (Reader("fmu build X --out x.fmu", _SCENARIO, long=True),),
-    "info log": (_log("info X"),),
+    "info log": (_log("info X"), *(Reader("info X --topics", sound) for sound in _OTHER_LOGS)),
     "benchmark --config": (Reader("benchmark --recordings in.csv --config X", "vote.toml", ("in.csv",), long=True),),
     "benchmark --healthy": (Reader("benchmark smoke --healthy X --out o", **_CAMPAIGN, named=False, long=True),),
     "benchmark --recordings": tuple(
@@ -229,6 +230,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         *_tables(f"vote X {_VOTE}", "vote.toml"),
         Reader("vote X --config vote.toml --out o.parquet", "in.csv", ("vote.toml",)),
         Reader("vote X --config foreign.toml --out o.csv", "foreign.mcap", ("foreign.toml",)),
+        *(Reader("vote X --out o.csv", sound) for sound in _OTHER_LOGS),
     ),
     "watch log": (_log("watch X --speed 1000"),),
 }
@@ -306,11 +308,11 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
     ),
 }
 # What names no file to read: parameters by their names, and keys of settings.
-WRITES: Final = {"out", "save", "screenshot", "plot", "junit", "report", "chain", "svg"}
+WRITES: Final = {"out", "write", "save", "screenshot", "plot", "junit", "report", "chain", "svg"}
 _PARAMETERS: Final = """
     against base channels checks conditions filters fmu good_before hours kind lane layout levels logs managers
-    method persistence point points requirement rerun scheduler sensor_class sets signal signals slow_faults surface
-    tab threshold
+    method persistence point points preset requirement rerun scheduler sensor_class sets signal signals slow_faults
+    surface tab threshold
     to tolerance
 """
 OTHER_PARAMETERS: Final = {  # other parameters ``name`` read one; files below ``--read`` are those of the commands

@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
+import foreign_logs
 import tomli_w
 
 from hostile_cases.places import SPARSE_BYTES
@@ -122,6 +123,8 @@ class Store:
             (self.folder / "rates.toml").read_text().replace("[1e-3, 2e-3]", "[1e-3]").replace("[0.0, 0.01]", "[0.0]")
         )
         (self.folder / "rates.toml").write_text(rates)
+        (self.folder / "flight.ulg").write_bytes(foreign_logs.gyros())
+        (self.folder / "flight.bin").write_bytes(foreign_logs.imus())
         (self.folder / "noise.csv").write_text("".join(f"{k}e-6,2e-6,-3e-6,{-k}e-6\n" for k in range(99)))
         (self.folder / "redundancy.toml").write_text('[redundancy]\nmanager = "median"\n')
         (self.folder / "unit.toml").write_text('name = "u"\ntransport = "python"\nmanager = "evilmod:M"\n')
