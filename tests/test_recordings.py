@@ -146,7 +146,7 @@ def refused(ran: tuple[int, str, str], name: str, says: str) -> None:
 )
 def test_files_that_are_not_there_or_not_known_are_refused(arguments: list[str], says: str, rig: Any):
     Path("in.csv").write_text(HEAD + "0,1,1,1\n")
-    Path("in.txt").write_text("")
+    Path("in.txt").write_text("x")
     config(**ONE)
     refused(rig(*arguments), "", says)
 
