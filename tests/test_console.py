@@ -125,6 +125,7 @@ def test_campaign_titles_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[
         "aircraft_lost": 0,
         "logs": 0,
         "table_sha256": "0",
+        "identity": "0",
     }
     show.status(found)
     rate = {"value": None, "of": 0}

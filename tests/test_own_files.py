@@ -115,9 +115,9 @@ def test_a_model_of_jsbsim_that_is_a_folder_or_is_gone_is_named(tmp_path: Path):
 def test_a_file_that_the_system_refuses_is_one_line_wherever_it_is_read(
     monkeypatch: pytest.MonkeyPatch, rig_command: Any
 ):
-    def refuse() -> int:
+    def refuse(arguments: list[str]) -> int:
         raise PermissionError(13, "Permission denied", "/somewhere/a file")
 
-    monkeypatch.setattr(cli, "_command", refuse)
+    monkeypatch.setattr(cli, "run", refuse)
     code, _, err = rig_command()
     assert (code, err) == (1, "failed: /somewhere/a file: Permission denied\n")

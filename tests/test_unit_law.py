@@ -542,7 +542,7 @@ def test_a_dead_law_leaves_the_votes_to_the_unit_beside_it(tmp_path: Path):
     [
         ({"role": "flight-computer"}, "voter.toml: must have the role redundancy, and no lane"),
         ({"lane": "B"}, "voter.toml: must have the role redundancy, and no lane"),
-        ({"path": "missing.so"}, "voter.toml: path: missing.so: no such file"),
+        ({"path": "missing.so"}, "path: missing.so: no such file"),
         ({"transport": "python", "manager": "a:B"}, "a manager in Python votes as redundancy.manager"),
     ],
 )

@@ -33,7 +33,7 @@ from rig.flight.pace import Pace
 from rig.flight.pace import realtime as real_time
 from rig.flight.recorder import Findings, FlightRecords, RecordingThread, Watcher
 from rig.flight.unit_loop import UnitComputer
-from rig.log.of_flight import metadata, new_log
+from rig.log.of_flight import metadata_before, new_log
 from rig.log.writer import compile_packing
 from rig.scenario.overrides import Overrides, override_texts, plain_data
 from rig.scenario.scenario import Given, Scenario, find, load
@@ -192,10 +192,11 @@ def _fly_and_record(
     )
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario, None if unit is None else unit.lane, unit is None or unit.unit.votes)
-    known = metadata(scenario)
+    known = None
     if unit is not None:  # it starts with the flight's computer and waits for the first frame: all else comes before
         Findings(scenario)
         compile_packing(scenario.row_parts)
+        known = metadata_before(scenario, to.out)
     rig = loop.Rig(scenario, None if unit is None else UnitComputer(unit, pace, stop), keep_clean=kept)
     assess = None
     if outcome is not None:

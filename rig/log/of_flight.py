@@ -47,6 +47,12 @@ def new_log(
     raise RigError(f"{out}: no free name for a log")
 
 
+def metadata_before(scenario: Scenario, out: Path) -> dict[str, str]:
+    """Return the metadata of a log that is opened later in the folder ``out``.  BadInput: no text for a file."""
+    with reported(out, BadInput, "logs cannot be kept there"):
+        return metadata(scenario)
+
+
 def named(name: str, aircraft: str) -> str:
     """Return the scenario's name; the name of an aircraft that is not bundled stands before it, if it lacks it."""
     own = Path(aircraft).name

@@ -14,8 +14,9 @@ def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """Return what differs of what two units read, a line each; was, now : as of ``about``, or of ``identity``."""
     files = "read_sha256" if "read_sha256" in was else "sha256"  # in a log or folder of an earlier version
     found = difference(*({key: one[key] for key in ("environment", files) if key in one} for one in (was, now)))
-    voters = was.get("voter"), now.get("voter")
-    return found + [f"voter: {line}" for line in (differences(*voters) if voters[0] and voters[1] else ())]
+    voter_was, voter_now = was.get("voter"), now.get("voter")
+    beside = differences(voter_was, voter_now) if voter_was and voter_now else []
+    return found + [f"voter: {line}" for line in beside]
 
 
 def what_it_reads(unit: Mapping[str, Any]) -> str:

@@ -197,7 +197,9 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         Reader("search worst-pitch-rate --requirement vote --flights 40 --out X", **_CAMPAIGN, long=True),
     ),
     "search --requirements": (_requirements("search smoke --requirement vote --flights 9 --out o --requirements X"),),
-    "search --unit": (_unit("search smoke --requirement vote --flights 9 --out o --unit X"),),
+    "search --unit": (
+        Reader("search worst-pitch-rate --requirement vote --flights 40 --out o --unit X", "unit.toml", long=True),
+    ),
     "search campaign": (Reader("search X --requirement vote --flights 9 --out o", "campaign.toml", long=True),),
     "thresholds --config": (
         Reader("thresholds in.csv --config X --budget 1 --out t.toml", "vote.toml", ("in.csv",), long=True),
