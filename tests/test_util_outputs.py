@@ -322,6 +322,8 @@ def test_every_option_that_names_an_output_is_in_the_tables():
     listed = {(_of(command), option) for command, option, _ in COMMANDS}
     listed |= {(_of(command), "--out") for command in FOLDERS} | {(("campaign", "fly"), "--out")}  # a new log
     listed |= {(("check",), "--junit")}  # whose inputs the suite names: a test of its own
+    listed |= {(("fmu", "build"), "--out")}  # a new file that ends in .fmu, as no input does
+    listed |= {(("mcp",), "--out")}  # a folder, in which the commands write as they do without it
     assert found == listed
 
 
