@@ -215,7 +215,7 @@ def info(
         show_contents.info(log, other.contents, topics, as_json)
         return
     if topics:
-        raise BadInput("--topics: for logs of other systems; that of a flight lists them with --json")
+        raise BadInput(f"{log}: --topics: for logs of other systems; that of a flight lists them with --json")
     facts = read_info(log)
     emit(as_json, facts, lambda: _info(facts))
     if facts["damage"] is not None:
