@@ -181,7 +181,7 @@ async def _end(process: Process, *, patient: bool) -> None:
 
 
 async def _drain(process: Process) -> None:
-    """Read what nobody waits for, so that the process does not wait either."""
+    """Read output that no call waits for, so that the process can go on."""
     assert process.stdout is not None
     async for _ in process.stdout:
         pass
