@@ -175,7 +175,7 @@ REFUSED = {
     "info of an empty file": ("info empty.ulg", "empty.ulg: the file is empty"),
     "another content": ("vote text.ulg --out a.csv", "text.ulg: no log of PX4, ArduPilot, ROS 2, MDF 4"),
     "magic alone": ("vote magic.ulg --out a.csv", "magic.ulg: a PX4 log without data"),
-    "topics of a flight": ("info in.csv --topics", "--topics: for logs of other systems"),
+    "topics of a flight": ("info in.csv --topics", "in.csv: --topics: for logs of other systems"),
 }
 
 

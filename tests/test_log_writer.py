@@ -24,7 +24,7 @@ from rig.flight.events import Event
 from rig.log import read_log, recover
 from rig.log.chunk_layout import ROW, log_times
 from rig.log.container import Container
-from rig.log.of_flight import new_log
+from rig.log.of_flight import metadata_before, new_log
 from rig.log.schema import FRAME_TOPICS, MESSAGES, POSE_TOPICS, SCHEMA_VERSION
 from rig.log.writer import LogWriter
 from rig.scenario.scenario import load
@@ -407,3 +407,9 @@ def test_metadata_and_attachments_are_found_by_the_stock_reader(tmp_path):
     assert (attachment.name, attachment.data) == ("flight.toml", b"duration_s = 1\n")
     channels = {c.topic: c.metadata for c in summary_of(tmp_path / "a.mcap").channels.values()}
     assert channels["/signal/heading"]["unit"] == "rad"
+
+
+def test_metadata_that_are_no_text_are_refused_before_a_unit_starts(tmp_path: Path):
+    scenario = load(None).model_copy(update={"title": "odd\udce9"})
+    with pytest.raises(BadInput, match="logs cannot be kept there"):
+        metadata_before(scenario, tmp_path)
