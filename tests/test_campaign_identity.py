@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
+import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,9 +15,11 @@ import polars as pl
 import pytest
 from unit_files import library, needs_a_compiler
 
+from rig.cli.show_campaign import progress
 from rig.core.errors import BadInput, RigError
 from rig.studies.campaign.folder import open_folder
 from rig.studies.campaign.manager_source import first_sources, sources
+from rig.studies.campaign.run_campaign import Progress
 from rig.studies.campaign.worker import Orders, check_rig
 from rig.unit.unit_file import read_unit
 
@@ -229,8 +234,16 @@ def test_a_worker_that_has_another_source_or_none_refuses(tmp_path: Path, monkey
 
 def test_a_line_tells_in_a_pipe_how_far_a_campaign_is(rig_command: Command):
     _, _, err = rig_command("campaign", "run", campaign(), "--out", "E")
-    assert err.startswith("2 of 4 runs, ") and " per second, about " in err.split("\n")[0]
+    assert re.match(r"(2 of 4 runs, [\d.]+ per second, about .+ left|4 of 4 runs, [\d.]+ per second)\n", err)
     assert rig_command("campaign", "run", campaign(), "--out", "J", "--json")[2] == ""
+
+
+def test_a_line_gives_the_runs_done_the_rate_and_the_time_left(capsys: pytest.CaptureFixture[str]):
+    with progress(enabled=True) as report:
+        assert report is not None
+        report(Progress(runs=4, done=2, flown=2, outcomes=Counter(flown=2, lost=1), began=time.perf_counter() - 10))
+        report(Progress(runs=4, done=3, flown=3))  # sooner after the first than a line is due
+    assert capsys.readouterr().err == "2 of 4 runs, 1 lost, 0.2 per second, about 10 s left\n"
 
 
 def test_two_managers_in_one_campaign_are_told_apart(rig_command: Command):
