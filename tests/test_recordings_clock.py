@@ -19,8 +19,8 @@ from rig.log.recordings.stamps import clock, late_rows
 from rig.log.recordings.vote_config import VoteConfig
 
 QUAD = Path(__file__).parents[2] / "shared" / "data" / "quad_imu_horizontal"
-STEPS = [0.0, 0.1, 0.1, 0.2, 0.15, 0.2, 0.3, 0.4, 0.5]  # a repeat in row 3; rows 5 and 6 do not exceed 0.2
-KEPT = [0, 1, 3, 6, 7, 8]
+STEPS = [0.0, 0.1, 0.1, 0.2, 0.15, 0.2, 0.3, 0.4, 0.5]  # a repeat in row 3; row 4 is ahead of rows 5 and 6
+KEPT = [0, 1, 4, 5, 6, 7, 8]
 
 
 def table(path: Path, time_s: list[float] | None = None, name: str = "time_s") -> Path:
@@ -48,15 +48,15 @@ def test_rows_that_do_not_exceed_all_before_are_late(time_s: list[float], late: 
 
 def test_a_refusal_names_rows_count_and_the_option(tmp_path: Path):
     says = (
-        "in.csv: row 3: time_s must rise, got 0.1 after 0.1; 3 rows repeat or step back (3, 5, 6); "
+        "in.csv: row 3: time_s must rise, got 0.1 after 0.1; 2 rows are out of order (3, 4); "
         "--repair-time drops them"
     )
     with pytest.raises(BadInput) as refused:
         read(table(tmp_path / "in.csv"), VoteConfig())
     assert str(refused.value).endswith(says)
-    with pytest.raises(
-        BadInput, match=r"9 rows repeat or step back \(2, 3, 4, 5, 6, \.\.\.\); --repair-time drops them"
-    ):
+    with pytest.raises(BadInput, match=r"4 rows repeat or step back \(2, 4, 6, 8\); --repair-time drops them"):
+        clock("a", np.repeat(np.arange(4.0), 2))
+    with pytest.raises(BadInput, match=r"9 rows repeat or step back \(2, 3, 4, 5, 6, \.\.\.\); all rows have one time"):
         clock("a", np.zeros(10))
     with pytest.raises(
         BadInput, match=r"got 1700000000\.25 after 1700000000\.5; 1 row .* \(2\); --repair-time drops it"
@@ -69,25 +69,26 @@ def test_a_repaired_table_keeps_the_rows_whose_time_rises(ending: str, tmp_path:
     recorded = read(table(tmp_path / f"in.{ending}"), VoteConfig(), repair=True)
     assert recorded.time_s.tolist() == [STEPS[k] for k in KEPT]
     assert [column.tolist() for column in recorded.signals["x"].channels] == [[k + 1.0 for k in KEPT]] * 3
-    assert [recorded.row(k) for k in range(6)] == [k + 1 for k in KEPT]
+    assert [recorded.row(k) for k in range(7)] == [k + 1 for k in KEPT]
     (repair,) = recorded.repairs
-    assert (repair.rows, repair.dropped, repair.first) == (9, 3, [3, 5, 6])
+    assert (repair.rows, repair.dropped, repair.first) == (9, 2, [3, 4])
 
 
 def test_each_recorder_is_repaired_by_its_own_clock(tmp_path: Path):
     table(tmp_path / "a.csv", [0.1 * k for k in range(9)])
     table(tmp_path / "b.csv")
     mapping = {"x.1": "a.csv:x.1", "x.2": "b.csv:x.1"}
-    with pytest.raises(BadInput, match=r"b\.csv: row 3: .* 3 rows .*--repair-time"):
+    with pytest.raises(BadInput, match=r"b\.csv: row 3: .* 2 rows .*--repair-time"):
         read(tmp_path, VoteConfig(mapping=mapping))
     recorded = read(tmp_path, VoteConfig(mapping=mapping), repair=True)
     assert recorded.signals["x"].channels[0].tolist() == list(range(1, 10))
-    assert recorded.signals["x"].channels[1][:6].tolist() == [k + 1.0 for k in KEPT]  # its row at 0, 0.1 .. 0.5 s
-    assert [(repair.source.rsplit(": ")[1], repair.dropped) for repair in recorded.repairs] == [("b.csv", 3)]
+    at_tenths = [1.0, 2.0, 6.0, 7.0, 8.0, 9.0]  # its rows at 0, 0.1 .. 0.5 s
+    assert recorded.signals["x"].channels[1][:6].tolist() == at_tenths
+    assert [(repair.source.rsplit(": ")[1], repair.dropped) for repair in recorded.repairs] == [("b.csv", 2)]
     turned = {"x.1": "b.csv:x.1", "x.2": "a.csv:x.1"}  # now the rows are those of the one that is repaired
     recorded = read(tmp_path, VoteConfig(mapping=turned), repair=True)
-    assert [recorded.row(k) for k in range(6)] == [k + 1 for k in KEPT]
-    assert recorded.signals["x"].channels[1].tolist() == [1, 2, 3, 4, 5, 6]
+    assert [recorded.row(k) for k in range(7)] == [k + 1 for k in KEPT]
+    assert recorded.signals["x"].channels[1].tolist() == [1, 2, 2, 3, 4, 5, 6]
 
 
 def test_messages_of_one_time_are_repaired(tmp_path: Path):
@@ -113,7 +114,8 @@ def test_rows_of_failures_are_those_of_the_input(tmp_path: Path):
 @pytest.mark.parametrize(
     ("time_s", "says"),
     [
-        ([1.0, 0.0, 0.5, 0.7, 2.0], "--repair-time would drop 3 of 5 rows, from row 2 on"),
+        ([3.0, 2.0, 1.0, 1.5, 0.5], "--repair-time would drop 3 of 5 rows, from row 1 on"),
+        ([1.0, 1.0, 1.0], "all rows have one time"),
         ([0.0, np.nan], "row 2: time_s is not a number"),
         ([0.0, 1e10], "row 2: time_s is in seconds, up to 9e"),
         ([0.0, 1e-12, 2e-12], "time_s rises by 1e-12 s a row"),
@@ -131,10 +133,10 @@ def test_the_command_says_what_it_dropped(rig: Any, tmp_path: Path):
     command = ("in.csv", "--config", "c.toml", "--out", "o.csv")
     assert rig(*command)[0] == 2 and not Path("o.csv").exists()
     code, text, _ = rig(*command, "--repair-time")
-    assert code == 0 and "dropped 3 of 9 rows of in.csv, where time repeats or steps back: 3, 5, 6" in text
+    assert code == 0 and "dropped 2 of 9 rows of in.csv, whose time repeats or is out of order: 3, 4" in text
     assert pl.read_csv("o.csv")["time_s"].to_list() == [STEPS[k] for k in KEPT]
     found = json.loads(rig(*command, "--repair-time", "--json")[1])
-    assert found["repaired"] == [{"source": "in.csv", "rows": 9, "dropped": 3, "first": [3, 5, 6]}]
+    assert found["repaired"] == [{"source": "in.csv", "rows": 9, "dropped": 2, "first": [3, 4]}]
     table(Path("in.csv"), [0.1 * k for k in range(9)])
     assert json.loads(rig(*command, "--repair-time", "--json")[1])["repaired"] == []
 

@@ -35,9 +35,10 @@ def vote(rig: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_times_of_a_recording_of_a_calendar_have_all_digits_and_seconds_since_its_first_row(vote: Any):
     code, out, _ = vote(EPOCH)
     assert code == 0 and "e+09" not in out
-    assert "from 1764166800 to 1764166804.49 s (+4.490 s), +: since the first row" in out
-    assert "1764166801.07 s (+1.070 s)" in out and "1764166802.07 s (+2.070 s)" in out
-    assert "gap of 0.51 s at 1764166803 s (+3.000 s)" in out
+    to = "+4.490 s, 2025-11-26 14:20:04.49 UTC (1764166800 to 1764166804.49 s), +: since the first row"
+    assert f"400 rows from 2025-11-26 14:20:00.00 UTC to {to}" in out
+    assert "+1.070 s, 2025-11-26 14:20:01.07 UTC" in out and "+2.070 s, 2025-11-26 14:20:02.07 UTC" in out
+    assert "gap of 0.51 s at +3.000 s, 2025-11-26 14:20:03.00 UTC" in out
 
 
 def test_times_of_a_recording_that_begins_at_zero_stay_short(vote: Any):
@@ -47,7 +48,8 @@ def test_times_of_a_recording_that_begins_at_zero_stay_short(vote: Any):
 
 def test_an_aligned_recording_tells_its_stretch_as_well(vote: Any):
     _, out, _ = vote(EPOCH, "", "--align", "--align-to", str(EPOCH + 3.0))
-    assert re.search(r"from 1764166800(\.\d+)? s \([+-]0\.\d{3} s\) to 1764166803 s \(\+(2\.9|3\.0)\d\d s\)", out)
+    date = r"2025-11-26 14:20:0\d\.\d\d UTC"
+    assert re.search(rf"from [+-]0\.\d{{3}} s, {date} to \+(2\.9|3\.0)\d\d s, {date}", out)
 
 
 @pytest.mark.parametrize("at_s", [EPOCH + 4.0, EPOCH, EPOCH + 4.49])
@@ -103,4 +105,6 @@ def test_digits_have_milliseconds(time_s: float, text: str):
 
 def test_a_gap_is_told_where_it_is():
     time_s = EPOCH + np.array([0.0, 0.01, 0.02, 0.03, 1.0, 1.01])
-    assert "1764166800.03 s (+0.030 s)" in gaps("a", time_s)[0] and of_rows(3.0, 1.0) == "3 s"
+    assert "gap of 0.97 s at +0.030 s, 2025-11-26 14:20:00.03 UTC" in gaps("a", time_s)[0]
+    assert of_rows(3.0, 1.0) == "3 s" and of_rows(2e5 + 14.16, 2e5) == "200014.16 s (+14.160 s)"
+    assert of_rows(1_700_000_014.16, 1.7e9) == "+14.160 s, 2023-11-14 22:13:34.16 UTC"

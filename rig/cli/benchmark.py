@@ -44,7 +44,7 @@ class BenchmarkOptions:
     ] = None
     config: Annotated[Path | None, opt("CONFIG", "Settings of the recordings, as for rig vote.")] = None
     align: Annotated[bool, flag("--align", "Remove the constant delays and offsets of the recorded channels.")] = False
-    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or steps back.")] = False
+    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or is out of order.")] = False
     seed: Seed = 0
     workers: Workers = 2
     as_json: Json = False

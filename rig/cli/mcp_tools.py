@@ -145,7 +145,7 @@ class Vote(_Arguments):
     )
     align: bool = Field(default=False, description="Remove the constant delays and offsets of the channels.")
     inject: str | None = _text("Scenario, or TOML file with [[faults]], whose faults are injected.", None)
-    repair_time: bool = Field(default=False, description="Drop rows whose time repeats or steps back.")
+    repair_time: bool = Field(default=False, description="Drop rows whose time repeats or is out of order.")
     requirements: Texts = Field(default=[], description=_REQUIREMENTS)
 
     def _words(self, places: Places) -> Iterator[str]:

@@ -57,7 +57,7 @@ class VoteOptions:
         str | None, opt("FILE", "Faults to inject into the channels, TOML; prints which are isolated.")
     ] = None
     repair_time: Annotated[
-        bool, flag("--repair-time", "Drop rows whose time repeats or steps back, and print their number.")
+        bool, flag("--repair-time", "Drop rows whose time repeats or is out of order, and print their number.")
     ] = False
     requirements: Requirements = None
     allow_code: AllowCode = False
@@ -125,7 +125,7 @@ class ThresholdsOptions:
         "bias,slow,stale"
     )
     align: Align
-    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or steps back.")] = False
+    repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or is out of order.")] = False
     keep: Annotated[bool, flag("--keep", "Also use flights in which one channel deviates from the others.")] = False
     transients: Annotated[
         bool,

@@ -7,7 +7,8 @@ from typing import Any
 
 from rig.cli.printing import line, table
 from rig.core.column import Column
-from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows
+from rig.log.recordings.stamps import LONG_AGO_S, digits, of_rows, utc
+from rig.log.recordings.time_order import UNIX_S
 
 _SIGNALS = (
     *(Column("signal", "name"), Column("level")),
@@ -60,9 +61,8 @@ _REQUIREMENTS = (
 def vote(summary: dict[str, Any]) -> None:
     """Print the summary as tables, the time of each step, and the file of the votes."""
     first, last = summary["time_s"]
-    span = f"{digits(first)} to {of_rows(last, first)}"
     since = ", +: since the first row" if abs(first) >= LONG_AGO_S else ""
-    line(f"{summary['rows']} rows from {span}{since}, {summary['rate_hz']:g} per second")
+    line(f"{summary['rows']} rows from {_from_to(first, last)}{since}, {summary['rate_hz']:g} per second")
     for remark in summary["remarks"]:
         line(remark)
     for repair in summary["repaired"]:
@@ -86,6 +86,12 @@ def vote(summary: dict[str, Any]) -> None:
     line(f"written  {summary['out']}")
 
 
+def _from_to(first_s: float, last_s: float) -> str:
+    if first_s < UNIX_S:
+        return f"{digits(first_s)} to {of_rows(last_s, first_s)}"
+    return f"{utc(first_s)} to {of_rows(last_s, first_s)} ({digits(first_s)} to {digits(last_s)} s)"
+
+
 def _at(time_s: float | None, first_s: float) -> str | None:
     return None if time_s is None else of_rows(time_s, first_s)
 
@@ -97,7 +103,7 @@ def _named(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def _repaired(repair: dict[str, Any]) -> str:
     rows = ", ".join(map(str, repair["first"])) + (", ..." if repair["dropped"] > len(repair["first"]) else "")
     of = f"{repair['rows']} rows of {repair['source']}"
-    return f"dropped {repair['dropped']} of {of}, where time repeats or steps back: {rows}"
+    return f"dropped {repair['dropped']} of {of}, whose time repeats or is out of order: {rows}"
 
 
 def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -16,8 +16,11 @@ from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput, BadLog
+from rig.core.text import quoted
 from rig.log.decode import MALFORMED
 from rig.log.mcap_messages import Budget, LimitedFile, Summary, messages, summary
+from rig.log.message_time import seconds
+from rig.log.publishers import names_of, overlapping
 from rig.log.signal_messages import FIELDS
 
 _MALFORMED: Final = (
@@ -87,12 +90,12 @@ def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
     """
     with opened(path) as file:
         contents = summary(file)
-        present = _topics(contents)
+        present = names_of((number, channel.topic) for number, channel in sorted(contents.channels.items()))
         for topic in wanted:
             if topic not in present:
-                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(present)}")
+                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(_topics(contents))}")
         collected = {topic: _Collector(path, topic, sorted(fields)) for topic, fields in wanted.items()}
-        takers = {c: collected[channel.topic] for c, channel in contents.channels.items() if channel.topic in wanted}
+        takers = {number: collected[topic] for topic in wanted for number in present[topic]}
         budget = Budget(file)
         for message in messages(file, contents, takers, budget):
             channel = contents.channels[message.channel]
@@ -118,9 +121,9 @@ class _Collector:
     """The wanted fields of one topic's messages, in columns."""
 
     def __init__(self, path: Path, topic: str, fields: list[str]) -> None:
-        self._where = f"{path}: topic {topic!r}"
+        self._topic, self._where = topic, f"{path}: topic {topic!r}"
         self._fields = [(field, field.split(".")) for field in fields]
-        self._times = array("Q")
+        self._times, self._channels = array("Q"), array("H")
         self._values = [array("d") for _ in fields]
         self._decode: dict[int, Callable[[bytes], Any]] = {}  # by channel: a topic may have several
 
@@ -131,12 +134,17 @@ class _Collector:
             decode = self._decode[channel.id] = self._decoder(schema, channel)
         message = decode(data)
         self._times.append(time)
+        self._channels.append(channel.id)
         for (field, steps), values in zip(self._fields, self._values, strict=True):
             values.append(self._number(message, field, steps))
         return 8 + 8 * len(self._values)
 
     def source(self) -> Source:
-        """Return the collected numbers in the order of time; messages of one time in that of the file."""
+        """Return the collected numbers in the order of time; messages of one time in that of the file.
+
+        BadInput: two publishers on the topic.
+        """
+        self._refuse_two_publishers()
         times = np.frombuffer(self._times, np.uint64)
         columns = [np.frombuffer(values, np.float64) for values in self._values]
         if (times[1:] < times[:-1]).any():
@@ -144,6 +152,12 @@ class _Collector:
             times, columns = times[order], [column[order] for column in columns]
         time_s = times / 1e9
         return Source(time_s, dict(zip((field for field, _ in self._fields), columns, strict=True)))
+
+    def _refuse_two_publishers(self) -> None:
+        both = overlapping(self._channels, np.frombuffer(self._times, np.uint64) / 1e9) if self._channels else []
+        if both:
+            names = ", ".join(quoted(f"{self._topic}#{number}") for number in both)
+            raise BadInput(f"{self._where}: {len(both)} publishers at a time; the mapping may name one of {names}")
 
     def _decoder(self, schema: Schema | None, channel: Channel) -> Callable[[bytes], Any]:
         if channel.message_encoding == "json":
@@ -158,6 +172,7 @@ class _Collector:
         try:
             for step in steps:
                 value = _step(value, step)
+            value = seconds(value)
             return float("nan") if value is None else float(value)
         except OverflowError:  # a whole number beyond all floats: not a sample
             return float("nan")

@@ -21,11 +21,11 @@ from stat import S_ISDIR
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.core.files import reported
 from rig.core.text import choices, quoted, shorten
+from rig.core.units.conversion import conversion
 from rig.log import foreign
 from rig.log.foreign import Source
 from rig.log.recordings.columns_file import TABLES, Table
@@ -36,6 +36,17 @@ from rig.log.recordings.formats.known import open_log
 from rig.log.recordings.join import joined, shortened, whole
 from rig.log.recordings.own_logs import read_ours
 from rig.log.recordings.recording import Recording, assemble, with_discretes
+from rig.log.recordings.rollover import unrolled
+from rig.log.recordings.source_times import (
+    by_fields,
+    by_log_fields,
+    log_field,
+    nearest_rows,
+    refuse_apart,
+    sampled_s,
+    usual_step_s,
+    with_fields,
+)
 from rig.log.recordings.stamps import TIME, Floats, clock, gaps, strange_rate
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 
@@ -63,7 +74,7 @@ def load(
 
 
 def read(path: Path, config: VoteConfig, repair: bool = False, log: OpenLog | None = None) -> Recording:
-    """Return the recording at ``path``, with ``repair`` without rows whose time repeats or steps back.
+    """Return the recording at ``path``, with ``repair`` without rows whose time repeats or is out of order.
 
     BadInput in one line when it cannot be used.
     """
@@ -74,15 +85,43 @@ def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> 
     folder = _is_folder(path)
     if (log := log or open_log(path)) is not None and not _is_elsewhere(path, log, config):
         return _of_log(path, log, config, repair)
+    if config.time or (config.times and not folder and path.suffix != ".mcap"):
+        _refuse_message_times(path, config, folder)
     if folder:
-        return _joined(path, config, *_folder(path, _wanted(path, config), config.tables), repair)
+        return _joined(path, config, *_folder(path, _wanted(path, config), config.tables, config.times), repair)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
-    if path.suffix == ".mcap" and config.tables != TableFormat(config.time_column):
-        raise BadInput(f"{path}: time_unit, separator and decimal are those of tables; messages have their log time")
+    if path.suffix == ".mcap":
+        _refuse_tables(path, config)
     if path.suffix == ".mcap" and config.mapping:
-        return _joined(path, config, foreign.read(path, _wanted(path, config)), [], repair)
+        return _messages(path, config, repair)
     return read_ours(path, repair) if path.suffix == ".mcap" else _table(path, config, repair)
+
+
+def _refuse_message_times(path: Path, config: VoteConfig, folder: bool) -> None:
+    """Raise BadInput if CONFIG names a field of messages and INPUT has none."""
+    if folder or path.suffix in TABLES:
+        key = "time" if config.time else "times"
+        raise BadInput(f"{path}: {key}: names a field of messages; the column of tables is time_column")
+    if path.suffix == ".mcap" and not config.mapping:
+        raise BadInput(f"{path}: time: needs a [mapping] of messages")
+
+
+def _refuse_tables(path: Path, config: VoteConfig) -> None:
+    """Raise BadInput for settings of tables, which messages do not have."""
+    numbers = TableFormat(config.time_column, config.time_unit) if config.message_times.given else TableFormat()
+    if config.tables != numbers._replace(time_column=config.time_column):
+        raise BadInput(
+            f"{path}: time_unit, separator and decimal are those of tables; messages have their log time, "
+            'or that of a field: time = "header.stamp"'
+        )
+
+
+def _messages(path: Path, config: VoteConfig, repair: bool) -> Recording:
+    """Return the columns of the mapping in messages that are protobuf or JSON."""
+    times, remarks = config.message_times, list[str]()
+    found = foreign.read(path, with_fields(_wanted(path, config), times))
+    return _joined(path, config, by_fields(path, found, times, remarks), remarks, repair, times.given)
 
 
 def _is_elsewhere(path: Path, log: OpenLog, config: VoteConfig) -> bool:
@@ -103,15 +142,17 @@ def _is_folder(path: Path) -> bool:
 
 def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recording:
     """Return the columns of the mapping in a log of another system, on the rows of one of its topics."""
-    contents, sources = log.contents, dict[str, Source]()
+    contents, sources, times = log.contents, dict[str, Source](), config.message_times
     if not config.mapping:
         raise BadInput(f"{path}: a {contents.format} log: CONFIG needs a [mapping]; rig vote --write makes one")
     for name, fields in _wanted(path, config).items():
         topic = contents.named(path, name)
         for field in sorted(fields - set(topic.units)):
             raise BadInput(f"{path}: topic {name!r} has no field {quoted(field)}; {choices(field, topic.units)}")
-        sources[name] = whole(f"{path}: {name}", log.source(topic, fields))
-    clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
+        read = log.source(topic, fields | log_field(f"{path}: {name}", contents, topic, times(name)))
+        sources[name] = whole(f"{path}: {name}", read)
+    sources = by_log_fields(path, sources, times, told := list[str]())
+    clocks = {name: clock(f"{path}: {name}", source.time_s, repair, times.given) for name, source in sources.items()}
     signals: dict[str, list[str]] = {}
     for channel, place in config.mapping.items():
         signals.setdefault(channel.rpartition(".")[0].removesuffix(".ilm"), []).append(place.rpartition(":")[0])
@@ -127,7 +168,7 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
     warnings += shortened(str(path), rows, clocks)
     made = assemble(str(path), [TIME, *config.mapping], column)
-    remarks = tuple(f"{path}: {line}" for line in (f"{contents.format} log", *contents.remarks))
+    remarks = (*(f"{path}: {line}" for line in (f"{contents.format} log", *contents.remarks)), *told)
     damage = tuple(f"{path}: {line}" for line in contents.damage)
     return replace(made, kept=rows.kept, repairs=repairs, remarks=remarks, warnings=(*damage, *warnings))
 
@@ -154,11 +195,20 @@ def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
         _must_have(path, table, name)
     if time not in table.names:
         return assemble(str(path), names, table.column)  # which refuses it
-    time_s, _ = table.time_s()
+    time_s, told = _unrolled(str(path), table, config)
     made = assemble(
         str(path), [TIME, *names], lambda name: time_s if name == TIME else table.column(names[name]), repair
     )
-    return replace(made, remarks=tuple(table.remarks), warnings=(*made.warnings, *strange_rate(str(path), made.time_s)))
+    return replace(
+        made, remarks=(*table.remarks, *told), warnings=(*made.warnings, *strange_rate(str(path), made.time_s))
+    )
+
+
+def _unrolled(source: str, table: Table, config: VoteConfig) -> tuple[Floats, list[str]]:
+    """Return the times of a table without roll-overs, and what is told of them."""
+    time_s, zero_ns = table.time_s()
+    tick_s = conversion(config.time_unit, "s").factor
+    return unrolled(source, time_s, tick_s, config.time_unit, (zero_ns or 0) / 1e9)
 
 
 def _must_have(path: Path, table: Table, name: str) -> None:
@@ -167,36 +217,46 @@ def _must_have(path: Path, table: Table, name: str) -> None:
         raise BadInput(f"{path}: no column {name!r}, which CONFIG names (time_column, [mapping]); there are: {there}")
 
 
-def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) -> tuple[dict[str, Source], list[str]]:
-    """Return the sources in a folder, with time since the first row of the first, and what is told of them."""
+def _folder(
+    path: Path, wanted: Mapping[str, set[str]], written: TableFormat, times: Mapping[str, str]
+) -> tuple[dict[str, Source], list[str]]:
+    """Return the sources in a folder, with time since the first row of the first, and what is told of them.
+
+    times : columns of time, by source, of those that are not called as in ``written``
+    """
     sources: dict[str, Source] = {}
     remarks: list[str] = []
-    zero, time = None, written.time_column
+    zero, tick_s = None, conversion(written.time_unit, "s").factor
     for name, fields in wanted.items():
+        time = times.get(name, written.time_column)
         file = path / name
         if Path(name).is_absolute() or ".." in Path(name).parts:
             raise BadInput(f"[mapping] {name}: must be a file in the folder {path}")
         if file.suffix not in TABLES:
             raise BadInput(f"{file}: a source in a folder is one of {', '.join(TABLES)}")
-        table = Table(file, {time, *fields}.__contains__, written)
+        table = Table(file, {time, *fields}.__contains__, written._replace(time_column=time))
         for needed in (time, *sorted(fields)):
             _must_have(file, table, needed)
         time_s, own_zero = table.time_s(zero)
         if sources and (zero is None) != (own_zero is None):
             raise BadInput(f"{file}: {time} is a time of the calendar in one source and a number in another")
         zero = own_zero
+        time_s, told = unrolled(str(file), time_s, tick_s, written.time_unit, (zero or 0) / 1e9)
         sources[name] = Source(time_s, {field: table.column(field) for field in fields})
-        remarks += table.remarks
+        remarks += [*table.remarks, *told]
     return sources, remarks
 
 
 def _joined(
-    path: Path, config: VoteConfig, sources: Mapping[str, Source], remarks: list[str], repair: bool
+    path: Path, config: VoteConfig, sources: Mapping[str, Source], remarks: list[str], repair: bool, unit: bool = True
 ) -> Recording:
-    """Return the columns of the mapping on the rows of the first source."""
-    clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
+    """Return the columns of the mapping on the rows of the first source; unit : CONFIG may give that of time."""
+    clocks = {name: clock(f"{path}: {name}", source.time_s, repair, unit) for name, source in sources.items()}
     first = next(iter(clocks.values()))
-    nearest = {name: nearest_rows(first.time_s, own.time_s) for name, own in clocks.items()}
+    refuse_apart(path, clocks)
+    at_s = {name: sampled_s(own.time_s) for name, own in clocks.items()}
+    first_s = next(iter(at_s.values()))
+    nearest = {name: nearest_rows(first_s, own_s, usual_step_s(clocks[name].time_s)) for name, own_s in at_s.items()}
 
     def column(name: str) -> Floats:
         if name == TIME:
@@ -207,16 +267,6 @@ def _joined(
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
-    warnings += strange_rate(first.source, first.time_s)
+    warnings += strange_rate(first.source, first.time_s, unit)
     made = assemble(str(path), [TIME, *config.mapping], column)
     return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(warnings))
-
-
-def nearest_rows(time_s: Floats, own_s: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return for each of ``time_s`` the nearest row of ``own_s`` (rising), and True if it is near enough."""
-    after = np.clip(np.searchsorted(own_s, time_s), 1, max(len(own_s) - 1, 1))
-    before = after - 1
-    after = np.minimum(after, len(own_s) - 1)
-    rows = np.where(time_s - own_s[before] <= own_s[after] - time_s, before, after)
-    interval = float(np.median(np.diff(own_s))) if len(own_s) > 1 else 0.0
-    return rows, np.abs(own_s[rows] - time_s) <= interval

@@ -14,6 +14,7 @@
     box_persistence    # frames of such a miscompare
     unresolved_s       # time of an undecided split until the signal is given up; 0: never
     time_column        # of tables, "time_s" when not given; time_unit: "s"; separator, decimal: found by looking
+    time, [times]      # field of messages that has their time, of all and by source; the log time when not given
 
 Amounts in a signal's table have its ``unit``; in the settings that ``VoteConfig.signals`` gives they are SI.
 Everything is checked before a row is voted; errors name the file and the key.
@@ -46,6 +47,7 @@ from rig.core.text import choices, quoted, shorten
 from rig.core.units.constants import TWO_PI
 from rig.core.units.conversion import conversion
 from rig.log.recordings.csv_file import TableFormat
+from rig.log.recordings.source_times import MessageTimes
 from rig.log.recordings.stamps import digits
 
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
@@ -155,6 +157,8 @@ class VoteConfig(Settings):
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
     time_unit: str = "s"
+    time: str = ""  # field of messages that has their time
+    times: dict[str, str] = {}  # by source: a field of messages, or the column of a table
     separator: str | None = Field(default=None, min_length=1, max_length=1)
     decimal: Literal[".", ","] | None = None
     resets: list[Reset] = []
@@ -173,6 +177,11 @@ class VoteConfig(Settings):
     def tables(self) -> TableFormat:
         """Return how tables are written."""
         return TableFormat(self.time_column, self.time_unit, self.separator, self.decimal)
+
+    @property
+    def message_times(self) -> MessageTimes:
+        """Return where the times of messages are."""
+        return MessageTimes(self.time, self.times, self.time_unit)
 
     @property
     def rules(self) -> VoteRules:

@@ -71,7 +71,7 @@ def load(
         settings = _monitored(settings, source)
         notes = [*recording.remarks, *recording.warnings]
         notes += [
-            f"{repair.source}: dropped {repair.dropped} rows whose time repeats or steps back"
+            f"{repair.source}: dropped {repair.dropped} rows whose time repeats or is out of order"
             for repair in recording.repairs
         ]
         if aligned is not None:

@@ -19,16 +19,13 @@ import numpy as np
 
 from rig.core.errors import BadInput
 from rig.log.foreign import Source
+from rig.log.publishers import publishers
 from rig.log.recordings.formats.bags import Bag, bag
 from rig.log.recordings.formats.cdr import KINDS, decoded
 from rig.log.recordings.formats.contents import LogContents, OpenLog, Topic, topic_of
 from rig.log.recordings.stamps import Floats
 
 FORMAT: Final = "ROS 2"
-_AGAIN: Final = 0.01  # share of stamps with two values from which it is no accident
-_IN_TURN: Final = 0.2  # of a step: by which steps differ at least that come in turn
-_STEADY: Final = 0.3  # of that: by which the sum of two of them varies at most
-_FEW: Final = 20  # rows in which nothing can be told
 
 
 class Ros2Log(OpenLog):
@@ -120,23 +117,3 @@ def _topics(found: list[_Rows], remarks: list[str]) -> Iterator[tuple[Topic, Sou
             remarks.append(f"{name}: {unusable}: no channel")
         topic = replace(topic_of(name, "", time_s, units, rows.frame), unusable=unusable)
         yield topic, Source(time_s, dict(zip(units, np.ascontiguousarray(values.T), strict=True)))
-
-
-def publishers(time_s: Floats) -> str:
-    """Return why the messages at ``time_s`` (n,), in order, come from more than one publisher; "" if they may not."""
-    steps = np.diff(time_s)
-    if len(steps) < _FEW:
-        return ""
-    if (steps == 0).mean() > _AGAIN:
-        return f"{int((steps == 0).sum())} stamps have two values: two publishers"
-    pairs = steps[1:] + steps[:-1]
-    if _range(steps) > _IN_TURN * float(np.median(steps)) and _range(pairs) < _STEADY * _range(steps):
-        short, long = sorted((float(np.median(steps[::2])), float(np.median(steps[1::2]))))
-        return f"steps of {short:.3g} and {long:.3g} s in turn: two publishers"
-    return ""
-
-
-def _range(values: Floats) -> float:
-    """Return the distance of the lowest and the highest tenth."""
-    low, high = np.quantile(values, (0.1, 0.9))
-    return float(high - low)
