@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.bench.channels import ChannelFailure, channel_records
+from rig.bench.channels import ChannelFailure, begin_isolated, channel_records
 from rig.bench.drive import Decide, Stages, run, write_sources
 from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
@@ -234,7 +234,10 @@ def _group(
         return _Group(names, load_manager(manager, params, trust), params)
     with_manager = with_settings(params, manager, baselines, names)
     boxes = {"box_signals": rules.box_signals, "box_persistence": rules.box_persistence}
-    return _Group(names, Manager(manager, with_manager, **boxes, as_unit=as_unit), params)
+    made = Manager(manager, with_manager, **boxes, as_unit=as_unit)
+    for i, name in enumerate(names):
+        begin_isolated(made.state[i], params[i], settings[name].bad_from_start, name)
+    return _Group(names, made, params)
 
 
 def _vote_group(
@@ -284,7 +287,9 @@ def by_class(own: OwnManager, block: Block, nested: NDArray[Any]) -> Decide:
 
 
 def _voted(recording: Recording, samples: Samples, settings: RecordedSignal, out: Columns, spread: Floats) -> Voted:
-    records = channel_records(recording, samples, settings.limits, out.states, out.fields["decided_by"])
+    records = channel_records(
+        recording, samples, settings.limits, out.states, out.fields["decided_by"], settings.bad_from_start
+    )
     fields = {name: out.fields[name] for name in FIELDS}
     extra = {name: column for name, column in out.fields.items() if name not in fields}
     return Voted(settings, **fields, state=out.states, spread=spread, **records._asdict(), of_flight=extra)

@@ -37,6 +37,7 @@ from rig.log.recordings.formats.contents import OpenLog
 from rig.log.recordings.formats.known import names, open_log
 from rig.log.recordings.formats.presets import config as preset_config
 from rig.log.recordings.injection_file import read_injection
+from rig.log.recordings.max_change import limited
 from rig.log.recordings.own_logs import is_flight, of_log
 from rig.log.recordings.read import ENDINGS, load
 from rig.log.recordings.recording import Recording
@@ -141,6 +142,7 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
         injection = inject(recording, file.faults, signals, discretes, seed=file.seed, source=source)
         recording = injection.recording
         lap("inject")
+    recording = limited(recording, signals)  # a fault in the sensor may be too fast as well
     alignment = None
     if options.align is not None:
         injected = [] if injection is None else injection.injected

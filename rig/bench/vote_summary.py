@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.bench.told_beside import first_row_lines, from_first_row, shown_beside
 from rig.bench.vote_rows import Result, Voted, VotedDiscrete
 from rig.core.frame import DecidedBy, Pattern, State
 from rig.flight.suspects import Suspect, is_many, share_text
@@ -26,6 +27,7 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "first_row": recording.row(0),
         "rate_hz": recording.rate_hz,
         "time_s": [float(recording.time_s[0]), float(recording.time_s[-1])],
+        "duration_s": float(recording.time_s[-1] - recording.time_s[0]),
         "repaired": [asdict(repair) for repair in recording.repairs],
         "remarks": list(recording.remarks),
         "warnings": list(recording.warnings),
@@ -33,7 +35,13 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         "signals": {name: _signal(signal) for name, signal in voted.signals.items()},
         "discretes": {name: _discrete(discrete) for name, discrete in voted.discretes.items()},
     }
+    _since_first_row(data)
+    for name, signal in voted.signals.items():
+        data["signals"][name] |= shown_beside(recording.signals[name], signal)
     data["suspects"], data["undecided"] = _slow_faults(data), _undecided(data)
+    data["from_first_row"] = [
+        line for name, signal in data["signals"].items() for line in first_row_lines(name, signal)
+    ]
     if alignment is not None:
         data["alignment"] = alignment.as_dict()
         for name, signal in data["signals"].items():
@@ -60,6 +68,13 @@ def _signal(signal: Voted) -> dict[str, Any]:
         "voted": _extremes(shown(signal.voted)),
         "channels": [_channel(signal, c) for c in range(len(signal.state))],
     }
+
+
+def _since_first_row(data: dict[str, Any]) -> None:
+    """Add to each isolation its time since the first row."""
+    for group in (*data["signals"].values(), *data["discretes"].values()):
+        for failed in (failed for channel in group["channels"] for failed in channel["failed"]):
+            failed["since_first_row_s"] = failed["time_s"] - data["time_s"][0]
 
 
 def _discrete(discrete: VotedDiscrete) -> dict[str, Any]:
@@ -98,6 +113,9 @@ def _channel(signal: Voted | VotedDiscrete, c: int) -> dict[str, Any]:
         "invalid_samples": signal.invalid[c],
         "suspect_rows": suspect,
         "suspect_share": suspect / rows,
+        "from_first_row": from_first_row(signal.state[c], signal.settings.bad_from_start, c)
+        if isinstance(signal, Voted)
+        else False,
     }
 
 

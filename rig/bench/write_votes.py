@@ -122,6 +122,8 @@ def _columns(recording: Recording, voted: Result) -> dict[str, Column]:
         columns |= {f"{name}.state.{c}": (state, STATES) for c, state in enumerate(signal.state, 1)}
         columns[f"{name}.trend.high"] = signal.trend_high, ()
         columns[f"{name}.trend.low"] = signal.trend_low, ()
+        others = recording.signals[name].others
+        columns |= {f"{name}.not_voted.{c}": (signal.settings.shown(x), ()) for c, x in others.items()}
     for name, discrete in voted.discretes.items():
         columns[f"{name}.voted"] = discrete.voted, ()
         columns[f"{name}.level"] = discrete.level, ()

@@ -28,6 +28,12 @@ _CHANNELS = (
     Column("isolated in frame", "frame", worth=5),
     *(Column("at"), Column("by", "why"), Column("invalid samples", "invalid", worth=6)),
 )
+_OTHERS = (
+    Column("not voted", lambda row: f"{row['name']}, recorded {row['recorded']}"),
+    *(Column("off the vote, median", "median_difference", ".4g"), Column("largest", "largest_difference", ".4g")),
+    Column("beyond the threshold", lambda row: _percent(row["beyond_threshold_share"])),
+    Column("invalid samples", "invalid_samples", worth=6),
+)
 _INJECTED = (
     Column("injected", "fault"),
     Column("channel", lambda fault: f"{fault['signal']}.{fault['channel']}"),
@@ -73,7 +79,8 @@ def vote(summary: dict[str, Any]) -> None:
     table(_named(summary["discretes"]), _DISCRETES)
     table(_channels(summary), _CHANNELS)
     _latched(summary)
-    for doubt in (*summary["suspects"], *summary["undecided"]):
+    _not_voted(summary)
+    for doubt in (*summary["from_first_row"], *summary["suspects"], *summary["undecided"]):
         line(doubt, style="yellow")
     faults = summary.get("injected", {}).get("faults", ())
     table(({**fault, "onset": _at(fault["onset_s"], first)} for fault in faults), _INJECTED)
@@ -90,6 +97,10 @@ def _from_to(first_s: float, last_s: float) -> str:
     if first_s < UNIX_S:
         return f"{digits(first_s)} to {of_rows(last_s, first_s)}"
     return f"{utc(first_s)} to {of_rows(last_s, first_s)} ({digits(first_s)} to {digits(last_s)} s)"
+
+
+def _percent(share: float | None) -> str | None:
+    return None if share is None else f"{100 * share:.3g} %"
 
 
 def _at(time_s: float | None, first_s: float) -> str | None:
@@ -117,9 +128,29 @@ def _channels(summary: dict[str, Any]) -> Iterator[dict[str, Any]]:
             first, *again = times or [{"frame": "never", "at": "", "why": ""}]
             rows = channel["suspect_rows"]
             suspect = f"{rows} ({100 * channel['suspect_share']:.3g} %)" if rows else "never"
-            head = {"name": f"{name}.{channel['channel']}", "state": channel["state"], "suspect": suspect}
+            head = {
+                "name": _channel_name(name, channel["channel"], signal),
+                "state": channel["state"],
+                "suspect": suspect,
+            }
             yield {**head, **first, "invalid": channel["invalid_samples"]}
             yield from ({**dict.fromkeys(head, ""), **later, "invalid": ""} for later in again)
+
+
+def _channel_name(name: str, channel: int, signal: dict[str, Any]) -> str:
+    """Return the name of a channel of the vote, with its number in the recording if that is another."""
+    number = signal.get("recorded", {channel - 1: channel})[channel - 1]
+    return f"{name}.{channel}" if number == channel else f"{name}.{channel} (recorded {number})"
+
+
+def _not_voted(summary: dict[str, Any]) -> None:
+    """Print the recorded channels that do not vote, beside the vote."""
+    rows = ({"name": name, **other} for name, signal in summary["signals"].items() for other in _others(signal))
+    table(rows, _OTHERS)
+
+
+def _others(signal: dict[str, Any]) -> list[dict[str, Any]]:
+    return signal.get("not_voted", [])
 
 
 def _latched(summary: dict[str, Any]) -> None:

@@ -126,4 +126,5 @@ def _taken_off(
     if ilm is not None:
         ilm = [flags[np.rint(at + c.delay_frames).astype(np.int64)] for flags, c in zip(ilm, corrections, strict=True)]
     reference, second = (None if of is None else of[at] for of in (samples.reference, samples.second_reference))
-    return Samples(columns, ilm, reference, second_reference=second)
+    others = {number: column[at] for number, column in samples.others.items()}
+    return Samples(columns, ilm, reference, second_reference=second, numbers=samples.numbers, others=others)

@@ -28,6 +28,7 @@ from rig.core.text import choices, quoted, shorten
 from rig.core.units.conversion import conversion
 from rig.log import foreign
 from rig.log.foreign import Source
+from rig.log.recordings.calibration import calibrated
 from rig.log.recordings.columns_file import TABLES, Table
 from rig.log.recordings.csv_file import TableFormat
 from rig.log.recordings.doubts import out_of_range
@@ -69,6 +70,7 @@ def load(
             name: recording.signals[name].times(chosen.scale) for name, chosen in settings.items() if chosen.scale != 1
         }
         recording = replace(recording, signals={**recording.signals, **converted})
+    recording = calibrated(recording, settings, config, source)
     warnings = out_of_range(str(path), recording, settings)
     return replace(recording, warnings=(*recording.warnings, *warnings)), settings
 
@@ -167,7 +169,7 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
     warnings += shortened(str(path), rows, clocks)
-    made = assemble(str(path), [TIME, *config.mapping], column)
+    made = assemble(str(path), [TIME, *config.mapping], column, voting=config.voting(path))
     remarks = (*(f"{path}: {line}" for line in (f"{contents.format} log", *contents.remarks)), *told)
     damage = tuple(f"{path}: {line}" for line in contents.damage)
     return replace(made, kept=rows.kept, repairs=repairs, remarks=remarks, warnings=(*damage, *warnings))
@@ -196,9 +198,11 @@ def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
     if time not in table.names:
         return assemble(str(path), names, table.column)  # which refuses it
     time_s, told = _unrolled(str(path), table, config)
-    made = assemble(
-        str(path), [TIME, *names], lambda name: time_s if name == TIME else table.column(names[name]), repair
-    )
+
+    def column(name: str) -> Floats:
+        return time_s if name == TIME else table.column(names[name])
+
+    made = assemble(str(path), [TIME, *names], column, repair, config.voting(path))
     return replace(
         made, remarks=(*table.remarks, *told), warnings=(*made.warnings, *strange_rate(str(path), made.time_s))
     )
@@ -268,5 +272,5 @@ def _joined(
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
     warnings += strange_rate(first.source, first.time_s, unit)
-    made = assemble(str(path), [TIME, *config.mapping], column)
+    made = assemble(str(path), [TIME, *config.mapping], column, voting=config.voting(path))
     return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(warnings))

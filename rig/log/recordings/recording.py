@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -29,12 +29,19 @@ class Samples:
     reference: Floats | None = None
     valid: list[Bytes] | None = None  # 0 where the sensor itself flags a sample that is a number
     second_reference: Floats | None = None  # of a flight
+    numbers: tuple[int, ...] = ()  # recorded number of each channel, if CONFIG names those that vote; (): 1, 2, ...
+    others: dict[int, Floats] = field(default_factory=dict)  # channels that do not vote, by recorded number
+
+    def number(self, c: int) -> int:
+        """Return the recorded number of channel ``c``, counted from 0."""
+        return self.numbers[c] if self.numbers else c + 1
 
     def times(self, factor: float) -> Samples:
         """Return the samples in another unit, ``factor`` of which are one of this."""
         reference, second = (None if of is None else of * factor for of in (self.reference, self.second_reference))
         channels = [column * factor for column in self.channels]
-        return replace(self, channels=channels, reference=reference, second_reference=second)
+        others = {number: column * factor for number, column in self.others.items()}
+        return replace(self, channels=channels, reference=reference, second_reference=second, others=others)
 
     def of(self, rows: slice | NDArray[np.int64]) -> Samples:
         """Return the samples of these rows."""
@@ -44,7 +51,9 @@ class Samples:
 
         reference, second = (None if of is None else of[rows] for of in (self.reference, self.second_reference))
         channels = [column[rows] for column in self.channels]
-        return Samples(channels, those(self.ilm), reference, those(self.valid), second)
+        others = {number: column[rows] for number, column in self.others.items()}
+        ilm, valid = those(self.ilm), those(self.valid)
+        return Samples(channels, ilm, reference, valid, second, self.numbers, others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,29 +87,38 @@ class Recording:
         return rows_a_second(self.time_s)
 
 
-def assemble(source: str, names: Iterable[str], column: Callable[[str], Floats], repair: bool = False) -> Recording:
+def assemble(
+    source: str,
+    names: Iterable[str],
+    column: Callable[[str], Floats],
+    repair: bool = False,
+    voting: Mapping[str, Sequence[int]] | None = None,
+) -> Recording:
     """Return a recording of the columns ``<signal>.1``, ``<signal>.ilm.1``, ``<signal>.ref`` and ``time_s``.
 
     ``column`` gives an array (n,), NaN where a cell is empty; ``repair`` drops rows as in stamps.py.
+    voting : recorded channels that vote, by signal, under "" for all others; the first four when not given
     BadInput names ``source``.
     """
     names = list(names)
     if TIME not in names:
         raise BadInput(f"{source}: no column {TIME!r}; there are: {shorten(', '.join(names))}; {WAY_OUT}")
-    parsed = {name: _parse(source, name) for name in names if name != TIME}
-    counts: dict[str, int] = {}
+    chosen = voting or {}
+    parsed = {name: _parse(source, name, chosen) for name in names if name != TIME}
+    there: dict[str, list[int]] = {}
     for signal, kind, channel in parsed.values():
         if kind == "channel":
-            counts[signal] = max(counts.get(signal, 0), channel)
+            there.setdefault(signal, []).append(channel)
     for name, (signal, kind, channel) in parsed.items():
-        if signal not in counts or (kind == "ilm" and channel > counts[signal]):
+        if signal not in there or (kind == "ilm" and channel > max(there[signal])):
             raise BadInput(f"{source}: unknown column {name!r}: no channel of that name")
-    for signal, count in counts.items():
-        _check_channels(source, signal, count, names)
-    if not counts:
+    numbers = {signal: _voting(source, signal, sorted(of), chosen) for signal, of in there.items()}
+    if not there:
         raise BadInput(f"{source}: no signal; columns must be {TIME}, <signal>.1 to <signal>.{CHANNELS}")
     accepted = clock(source, column(TIME), repair)
-    samples = {signal: _samples(source, signal, counts[signal], names, column) for signal in counts}
+    samples = {
+        signal: _samples(source, signal, of, sorted(there[signal]), names, column) for signal, of in numbers.items()
+    }
     return on_clock(accepted, samples)
 
 
@@ -141,7 +159,7 @@ def _check_discrete(source: str, recording: Recording, name: str, samples: Sampl
             raise BadInput(f"{source}: row {row}: {name}.{c} is a discrete: 0, 1 or empty, got {got:g}")
 
 
-def _parse(source: str, name: str) -> tuple[str, str, int]:
+def _parse(source: str, name: str, voting: Mapping[str, Sequence[int]]) -> tuple[str, str, int]:
     match = _COLUMN.fullmatch(name)
     if match is None:
         raise BadInput(
@@ -150,26 +168,42 @@ def _parse(source: str, name: str) -> tuple[str, str, int]:
         )
     if match["referred"]:
         return match["referred"], "reference", 0
-    channel = int(match["channel"])
-    if not 1 <= channel <= CHANNELS:
-        raise BadInput(f"{source}: column {name!r}: a signal has channels 1 to {CHANNELS}")
+    channel, chosen = int(match["channel"]), "" in voting or match["signal"] in voting
+    if channel < 1 or (channel > CHANNELS and not chosen):
+        of = f"channels = [1, 2, 3, {channel}] in [signal.{match['signal']}] names those that vote"
+        hint = f"; of more, {of}" if channel > CHANNELS else ""
+        raise BadInput(f"{source}: column {name!r}: a signal has channels 1 to {CHANNELS}{hint}")
     return match["signal"], "ilm" if match["ilm"] else "channel", channel
 
 
-def _check_channels(source: str, signal: str, count: int, names: list[str]) -> None:
-    if count < 2:
+def _voting(source: str, signal: str, there: list[int], voting: Mapping[str, Sequence[int]]) -> list[int]:
+    """Return the recorded channels of a signal that vote, of those that are ``there``.  BadInput."""
+    count = there[-1]
+    if len(there) < 2:
         raise BadInput(f"{source}: signal {signal!r} has one channel; two to {CHANNELS} are needed")
+    chosen = voting.get(signal, voting.get(""))
+    if chosen is not None:
+        if missing := [c for c in chosen if c not in there]:
+            raise BadInput(
+                f"{source}: signal.{signal}.channels: no channel {missing[0]}; there are {', '.join(map(str, there))}"
+            )
+        return list(chosen)
     for c in range(1, count):
-        if f"{signal}.{c}" not in names:
+        if c not in there:
             raise BadInput(f"{source}: signal {signal!r} has a channel {count} but no channel {c}")
+    return there
 
 
-def _samples(source: str, signal: str, count: int, names: list[str], column: Callable[[str], Floats]) -> Samples:
-    numbers = range(1, count + 1)
-    monitored = any(f"{signal}.ilm.{c}" in names for c in numbers)
-    ilm = [_flags(source, f"{signal}.ilm.{c}", names, column) for c in numbers] if monitored else None
+def _samples(
+    source: str, signal: str, voting: list[int], there: list[int], names: list[str], column: Callable[[str], Floats]
+) -> Samples:
+    monitored = any(f"{signal}.ilm.{c}" in names for c in voting)
+    ilm = [_flags(source, f"{signal}.ilm.{c}", names, column) for c in voting] if monitored else None
     reference = column(f"{signal}.ref") if f"{signal}.ref" in names else None
-    return Samples([column(f"{signal}.{c}") for c in numbers], ilm, reference)
+    others = {c: column(f"{signal}.{c}") for c in there if c not in voting}
+    numbers = () if voting == list(range(1, len(voting) + 1)) else tuple(voting)
+    channels = [column(f"{signal}.{c}") for c in voting]
+    return Samples(channels, ilm, reference, numbers=numbers, others=others)
 
 
 def _flags(source: str, name: str, names: list[str], column: Callable[[str], Floats]) -> Bytes:

@@ -4,6 +4,8 @@
     [signal.<name>]    # for one, key by key over the default
     [discrete.<name>]  # columns <name>.1 to .4 of a yes/no quantity, with its fail-safe value
     [triads]           # three signals that are the axes of one vector: gyro = ["gyro_x", "gyro_y", "gyro_z"]
+    [channel."<name>.1"]  # sign, scale, unit, offset, convention of one recorded channel (channel_config.py)
+    [rotation.<triad>.1]  # known rotation of one recorder against the axes of the triad
     [mapping]          # columns of a foreign recording: "gyro.1" = "/imu1:angular_velocity.x"
     [[resets]]         # commands to readmit, as in a scenario
     [baselines.<name>]    # settings of a baseline manager; as [redundancy.baselines.<name>] of a
@@ -22,99 +24,32 @@ Everything is checked before a row is voted; errors name the file and the key.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Mapping, Sequence
-from math import pi
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, field_validator
+from pydantic import Field, field_validator
 
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.manager_config import Config as FlightConfig
 from rig.computer.redundancy.manager_config import SignalConfig, short_wait
-from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
+from rig.computer.redundancy.managers import manager_kind
 from rig.computer.redundancy.resets import Reset as FlightReset
 from rig.computer.redundancy.resets import bits
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
 from rig.core.settings import Settings, build, read_toml, unknown_key
 from rig.core.text import choices, quoted, shorten
-from rig.core.units.constants import TWO_PI
 from rig.core.units.conversion import conversion
+from rig.log.recordings.channel_config import Channel, Rotation, voting_channels
 from rig.log.recordings.csv_file import TableFormat
+from rig.log.recordings.recorded_signal import ANY_NUMBER, RecordedSignal, check_range, unit_of
 from rig.log.recordings.source_times import MessageTimes
 from rig.log.recordings.stamps import digits
-
-ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
-TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
-AMOUNTS: Final = (  # settings of a signal that have its unit
-    *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
-    *("reference_threshold", "selection_deviation", "selection_integral_s"),
-    *("equalise_bound", "slow_allowance", "slow_limit"),
-)
-V = TypeVar("V", float, NDArray[np.float64])
-MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding
-
-
-class RecordedSignal(SignalConfig):
-    """A ``[signal.<name>]`` table: the settings of flight and what flight knows from its sensors.
-
-    ``range`` and ``wraps`` of a signal that is called as one of the rig's own are by default those of flight.
-    """
-
-    range: list[float] | None = Field(default=None, min_length=2, max_length=2)  # a sample outside is invalid
-    unit: str | None = None  # of the file and of the amounts here; None: that of a signal of the rig's, else unknown
-    wraps: bool = False  # an angle
-    manager: str = DEFAULT  # one of rig.computer.redundancy.MANAGERS, or module:name
-
-    @field_validator("manager")
-    @classmethod
-    def _known_manager(cls, name: str) -> str:
-        if name not in MANAGERS and ":" not in name:
-            raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
-        return name
-
-    _scale: float = PrivateAttr(1.0)
-    _si: str = PrivateAttr("")
-    _range_is_assumed: bool = PrivateAttr(False)
-
-    @property
-    def scale(self) -> float:
-        """Return how many SI units one ``unit`` is."""
-        return self._scale
-
-    @property
-    def si(self) -> str:
-        """The SI unit of the quantity; "" if CONFIG gives none."""
-        return self._si
-
-    @property
-    def range_is_assumed(self) -> bool:
-        """Return True if the limits are those of flight, or of one turn, and not those of CONFIG."""
-        return self._range_is_assumed
-
-    def shown(self, value: V) -> V:
-        """Return a value in SI units in ``unit``."""
-        return value / self._scale
-
-    def scaled(self, factor: float) -> RecordedSignal:
-        """Return these settings with every amount times ``factor``."""
-        given = {name: amount * factor for name in AMOUNTS if (amount := getattr(self, name)) is not None}
-        if self.range is not None:
-            given["range"] = [limit * factor for limit in self.range]
-        return self.model_copy(update=given)
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """The range with its default: one turn for an angle, otherwise all numbers."""
-        if self.range is not None:
-            return self.range[0], self.range[1]
-        return (-pi, pi) if self.wraps else ANY_NUMBER
 
 
 class RecordedDiscrete(DiscreteConfig):
@@ -153,6 +88,8 @@ class VoteConfig(Settings):
     signal: dict[str, dict[str, Any]] = {}
     discrete: dict[str, RecordedDiscrete] = {}
     triads: dict[str, list[str]] = {}
+    channel: dict[str, Channel] = {}
+    rotation: dict[str, dict[str, Rotation]] = {}
     baselines: Baselines = Baselines()
     mapping: dict[str, str] = {}
     time_column: str = "time_s"
@@ -177,6 +114,10 @@ class VoteConfig(Settings):
     def tables(self) -> TableFormat:
         """Return how tables are written."""
         return TableFormat(self.time_column, self.time_unit, self.separator, self.decimal)
+
+    def voting(self, path: Path) -> dict[str, list[int]]:
+        """Return the recorded channels that vote, of the signals whose ``channels`` names them.  BadInput."""
+        return voting_channels(path, self.default or {}, self.signal)
 
     @property
     def message_times(self) -> MessageTimes:
@@ -249,45 +190,14 @@ class VoteConfig(Settings):
         signal = SIGNALS[INDEX[name]] if name in INDEX else None
         given = {**({} if signal is None else {"wraps": signal.wraps}), **(self.default or {}), **own}
         settings = build(RecordedSignal, given, where)
-        factor, si = _conversion(settings, None if signal is None else signal.unit, where)
+        factor, si = unit_of(settings, None if signal is None else signal.unit, where)
         has_unit = settings.unit is not None or settings.wraps or (signal is not None and settings.range is None)
         made = settings.scaled(factor).model_copy(update={"unit": settings.unit or (si if has_unit else None)})
-        made._scale, made._si = factor, si
         if made.range is None and signal is not None:
             made = made.model_copy(update={"range": [signal.low, signal.high]})
-        made._range_is_assumed = settings.range is None and made.limits != ANY_NUMBER
-        _check_range(made, where)
+        made = made.in_si(factor, si, settings.range is None and made.limits != ANY_NUMBER)
+        check_range(made, where)
         return made
-
-
-def _conversion(settings: RecordedSignal, si: str | None, where: str) -> tuple[float, str]:
-    """Return the factor from the unit of a signal to SI and the name of that; BadInput: a unit that it cannot have."""
-    if settings.unit is None:
-        return 1.0, si or ("rad" if settings.wraps else "")
-    try:
-        return conversion(settings.unit, "rad" if settings.wraps else si)
-    except ValueError as error:
-        raise BadInput(f"{where}: unit: {error}") from None
-
-
-def _check_range(settings: RecordedSignal, where: str) -> None:
-    """BadInput unless the range, in SI units, is one, and of an angle that wraps one turn."""
-    low, high = settings.limits
-    shown = [float(f"{settings.shown(limit):.12g}") for limit in (low, high)]
-    unit = settings.unit or ("rad" if settings.wraps else "")
-    if low >= high:
-        raise BadInput(f"{where}: range: low must be below high, got {shown}")
-    if not settings.wraps:
-        return
-    if abs(high - low - TWO_PI) > TURN_SLACK:
-        turn = f"one turn in {unit} ({settings.shown(TWO_PI):.6g})"
-        degrees = '; is the file in degrees? unit = "deg"' if high - low > TWO_PI and unit == "rad" else ""
-        raise BadInput(
-            f"{where}: range: {shown[1] - shown[0]:g} is not {turn}; an angle that wraps needs a whole turn in {unit}, "
-            f"got {shown}{degrees}"
-        )
-    if max(-low, high) > MOST_ANGLE_RAD:
-        raise BadInput(f"{where}: range: an angle that wraps stays within {MOST_ANGLE_RAD:g} rad, got {shown} {unit}")
 
 
 def _check_triad(where: str, axes: list[str], settings: dict[str, RecordedSignal]) -> None:

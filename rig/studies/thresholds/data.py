@@ -30,6 +30,7 @@ from rig.core.renamed import data_now
 from rig.log.recordings.alignment import AlignOptions, run_alignment
 from rig.log.recordings.formats.known import is_log, open_log
 from rig.log.recordings.formats.presets import config as preset_config
+from rig.log.recordings.max_change import limited
 from rig.log.recordings.read import ENDINGS
 from rig.log.recordings.read import load as load_one
 from rig.log.recordings.recording import Recording, Samples
@@ -69,6 +70,7 @@ def load(
         ours = without_faults(path)
         recording, settings = load_one(path, config, source, repair)
         settings = _monitored(settings, source)
+        recording = limited(recording, settings)
         notes = [*recording.remarks, *recording.warnings]
         notes += [
             f"{repair.source}: dropped {repair.dropped} rows whose time repeats or is out of order"
@@ -121,6 +123,7 @@ def columns(samples: Samples, settings: RecordedSignal) -> Any:
     if samples.valid is not None:
         good &= np.array(samples.valid) != 0
     values[~good] = np.nan
+    values[[c - 1 for c in settings.bad_from_start if c <= len(values)]] = np.nan
     return values
 
 
