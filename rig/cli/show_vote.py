@@ -51,12 +51,10 @@ _ALIGNED = (
 )
 _MATRICES = (
     Column("triad", lambda channel: f"{channel['triad']}, channel {channel['channel']}"),
-    Column("rotated by", "rotation_deg", ".2f", "deg"),
+    Column("rotated by", lambda channel: None if channel["mirrored"] else channel["rotation_deg"], ".2f", "deg"),
     Column("gains", lambda channel: f"{channel['gains'][-1]:.3f} to {channel['gains'][0]:.3f}", worth=5),
     *(Column("off before, rms", "rms_before", ".4g", worth=6), Column("after", "rms_after", ".4g", worth=6)),
-    Column(
-        "", lambda channel: "" if channel["applied"] else "not corrected: gains outside 0.9 to 1.1 are no misalignment"
-    ),
+    Column("", lambda channel: _not_corrected(channel)),
 )
 _REQUIREMENTS = (
     *(Column("requirement"), Column("on", "signal"), Column("verdict", "status")),
@@ -105,6 +103,12 @@ def _percent(share: float | None) -> str | None:
 
 def _at(time_s: float | None, first_s: float) -> str | None:
     return None if time_s is None else of_rows(time_s, first_s)
+
+
+def _not_corrected(channel: dict[str, Any]) -> str:
+    if channel["mirrored"]:
+        return "not corrected: mirrored, which no mounting is"
+    return "" if channel["applied"] else "not corrected: gains outside 0.9 to 1.1 are no misalignment"
 
 
 def _named(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -8,20 +8,20 @@ An axis without a sample takes part in the others with the median, and stays wit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from rig.core.errors import BadInput
+from rig.log.recordings.mirrored import SMOOTHED
 from rig.log.recordings.offset_moves import median_of
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.stamps import Floats
 from rig.log.recordings.vote_config import RecordedSignal
 
 GAINS: Final = (0.9, 1.1)  # smallest and largest stretch of a vector that is taken for misalignment
-SMOOTHED: Final = 12  # rows; 0.1 s at 120 Hz
 _MIN_ROWS: Final = 256
 
 
@@ -37,6 +37,7 @@ class Matrix:
     gains: list[float]  # singular values, largest first
     rms_before: float  # of |v - m| in the stretch, unit of the signals
     rms_after: float
+    mirrored: bool = False  # left-handed axes, which no mounting has: told, and never taken off
 
 
 def take_off_matrices(
@@ -44,8 +45,11 @@ def take_off_matrices(
     settings: Mapping[str, RecordedSignal],
     triads: Mapping[str, Sequence[str]],
     stretch: tuple[float, float],
+    mirrored: Mapping[str, Collection[int]] | None = None,
 ) -> tuple[Recording, list[Matrix]]:
     """Return the recording with every recorder turned and scaled, and the matrices found within ``stretch``.
+
+    mirrored : channels of each triad that are known to be mirrored (mirrored.py)
 
     BadInput: no triads, or axes with different numbers of channels.
     """
@@ -62,7 +66,8 @@ def take_off_matrices(
         x[~((x >= low) & (x <= high))] = np.nan
         center = np.nan_to_num([median_of(columns) for columns in x])  # (3, n) over the recorders
         for c in range(counts[0]):
-            fit = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end])
+            known = c + 1 in (mirrored or {}).get(triad, ())
+            fit = _fit(triad, c + 1, x[:, c, start:end], center[:, start:end], known)
             shown = settings[axes[0]].shown
             fits.append(replace(fit, rms_before=shown(fit.rms_before), rms_after=shown(fit.rms_after)))
             if fit.applied:
@@ -74,18 +79,21 @@ def take_off_matrices(
     return replace(recording, signals=signals), fits
 
 
-def _fit(triad: str, channel: int, v: Floats, m: Floats) -> Matrix:
+def _fit(triad: str, channel: int, v: Floats, m: Floats, mirrored: bool = False) -> Matrix:
     """v, m : (3, rows) of the stretch."""
     rows = np.isfinite(v).all(axis=0)
     v, m = v[:, rows], m[:, rows]
     before = _rms(v - m)
     if v.shape[1] < _MIN_ROWS or np.linalg.matrix_rank(v) < 3:
-        return Matrix(triad, channel, False, np.eye(3).tolist(), 0.0, [1.0, 1.0, 1.0], before, before)
+        return Matrix(triad, channel, False, np.eye(3).tolist(), 0.0, [1.0, 1.0, 1.0], before, before, mirrored)
     a = np.linalg.lstsq(_smooth(v).T, _smooth(m).T, rcond=None)[0].T
     left, gains, right = np.linalg.svd(a)
     rotation = left @ right
-    angle = float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0))))
     plausible = GAINS[0] <= gains[-1] and gains[0] <= GAINS[1]
+    mirrored |= bool(np.linalg.det(rotation) < 0 and plausible)
+    if mirrored:
+        return Matrix(triad, channel, False, a.tolist(), 0.0, gains.tolist(), before, before, True)
+    angle = float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0))))
     return Matrix(triad, channel, bool(plausible), a.tolist(), angle, gains.tolist(), before, _rms(a @ v - m))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from rig.log.recordings.align import DEFAULT_S, MIN_ROWS, Corrections, align
 from rig.log.recordings.align_matrix import Matrix, take_off_matrices
 from rig.log.recordings.injection_file import Injected
+from rig.log.recordings.mirrored import Mirror, mirrors
 from rig.log.recordings.offset_moves import OffsetMove, offset_moves
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.stamps import of_rows
@@ -67,10 +68,15 @@ def run_alignment(
     rows = int(np.searchsorted(recording.time_s, end, "right") - np.searchsorted(recording.time_s, start))
     moved, corrections = align(recording, settings, start, end)
     matrices: list[Matrix] = []
+    mirrored: dict[str, list[Mirror]] = {}
     if options.matrix:
-        moved, matrices = take_off_matrices(moved, settings, triads, (start, end))
+        mirrored = {triad: _mirrors(recording, settings, axes, (start, end)) for triad, axes in triads.items()}
+        known = {triad: {mirror.channel for mirror in found} for triad, found in mirrored.items()}
+        moved, matrices = take_off_matrices(moved, settings, triads, (start, end), known)
     moves = offset_moves(moved, settings)
     warnings = [*_in_stretch(recording, injected, start, end), *_moved(moves, settings)]
+    warnings += [line for triad, found in mirrored.items() for line in _named(triad, triads[triad], found, recording)]
+    warnings += _mirrored_by_matrix(matrices, mirrored)
     return moved, Alignment(start, end, rows, options.to_s is None, corrections, moves, matrices, warnings)
 
 
@@ -102,3 +108,40 @@ def _moved(moves: dict[str, list[OffsetMove]], settings: Mapping[str, RecordedSi
             if move.moved
         ]
     return lines
+
+
+def _mirrors(
+    recording: Recording, settings: Mapping[str, RecordedSignal], axes: Sequence[str], between: tuple[float, float]
+) -> list[Mirror]:
+    """Return the mirrored recorders of a triad before alignment, which takes their axes for those of no other."""
+    start, end = np.searchsorted(recording.time_s, between[0]), np.searchsorted(recording.time_s, between[1], "right")
+    fitted = min(len(recording.signals[axis].channels) for axis in axes)
+    x = np.array([[column[start:end] for column in recording.signals[axis].channels[:fitted]] for axis in axes])
+    low, high = np.array([settings[axis].limits for axis in axes]).T[..., None, None]
+    x[~((x >= low) & (x <= high))] = np.nan
+    return mirrors(x)
+
+
+def _named(triad: str, axes: Sequence[str], found: Sequence[Mirror], recording: Recording) -> list[str]:
+    """Return a line on each mirrored recorder, with the way to mend it."""
+    lines: list[str] = []
+    for mirror in found:
+        number = recording.signals[axes[0]].number(mirror.channel - 1)
+        flipped = [f"{axes[axis]}.{number}" for axis in mirror.axes]
+        keys = " and ".join(f'[channel."{name}"]' for name in flipped)
+        who = f"{triad}, channel {mirror.channel}" if not mirror.of_two else f"{triad}, one of channels 1 and 2"
+        what = f"opposite sign of {' and '.join(flipped)}" if flipped else "left-handed axes"
+        mend = f"sign = -1 in {keys} of CONFIG" if flipped else "check signs and order of its axes"
+        lines.append(f"{who}: mirrored, {what}: no mounting, not corrected; {mend}")
+    return lines
+
+
+def _mirrored_by_matrix(matrices: Sequence[Matrix], told: Mapping[str, Sequence[Mirror]]) -> list[str]:
+    """Return a line on each recorder that only its matrix shows to be mirrored."""
+    known = {(triad, mirror.channel) for triad, found in told.items() for mirror in found}
+    return [
+        f"{matrix.triad}, channel {matrix.channel}: mirrored, left-handed axes: no mounting, not corrected; check "
+        "signs and order of its axes"
+        for matrix in matrices
+        if matrix.mirrored and (matrix.triad, matrix.channel) not in known
+    ]
