@@ -14,8 +14,9 @@ more than its sampling interval away.  Topics of a log of another system are ave
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from os.path import isfile  # False for a name that no file can have
 from pathlib import Path
 from stat import S_ISDIR
 from typing import Final
@@ -34,6 +35,7 @@ from rig.log.recordings.doubts import out_of_range
 from rig.log.recordings.formats.contents import OpenLog
 from rig.log.recordings.formats.known import open_log
 from rig.log.recordings.join import joined, shortened, whole
+from rig.log.recordings.mapped import Place, fields_of, places
 from rig.log.recordings.own_logs import read_ours
 from rig.log.recordings.recording import Recording, assemble, with_discretes
 from rig.log.recordings.stamps import TIME, Floats, clock, gaps, strange_rate
@@ -75,22 +77,27 @@ def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> 
     if (log := log or open_log(path)) is not None and not _is_elsewhere(path, log, config):
         return _of_log(path, log, config, repair)
     if folder:
-        return _joined(path, config, *_folder(path, _wanted(path, config), config.tables), repair)
+        named = _places(path, config, lambda name: isfile(path / name))
+        return _joined(path, named, *_folder(path, fields_of(named), config.tables), repair)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
     if path.suffix == ".mcap" and config.tables != TableFormat(config.time_column):
         raise BadInput(f"{path}: time_unit, separator and decimal are those of tables; messages have their log time")
     if path.suffix == ".mcap" and config.mapping:
-        return _joined(path, config, foreign.read(path, _wanted(path, config)), [], repair)
+        named, damage = _places(path, config, foreign.topics(path, lenient=True).__contains__), list[str]()
+        sources = foreign.read(path, fields_of(named), damage)
+        made = _joined(path, named, sources, [], repair)
+        return replace(made, warnings=(*(f"{path}: {line}" for line in damage), *made.warnings))
     return read_ours(path, repair) if path.suffix == ".mcap" else _table(path, config, repair)
 
 
 def _is_elsewhere(path: Path, log: OpenLog, config: VoteConfig) -> bool:
     """Return True if the mapping names topics of an MCAP file that are not of ROS 2."""
-    wanted = {place.rpartition(":")[0] for place in config.mapping.values()}
-    if path.suffix != ".mcap" or not wanted.isdisjoint(topic.name for topic in log.contents.topics):
+    if path.suffix != ".mcap" or not config.mapping:
         return False
-    return bool(wanted) and wanted <= foreign.topics(path).keys()
+    topics, own = foreign.topics(path, lenient=True), {topic.name for topic in log.contents.topics}
+    wanted = fields_of(_places(path, config, lambda name: name in topics or name in own)).keys()
+    return wanted.isdisjoint(own) and wanted <= topics.keys()
 
 
 def _is_folder(path: Path) -> bool:
@@ -106,22 +113,23 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     contents, sources = log.contents, dict[str, Source]()
     if not config.mapping:
         raise BadInput(f"{path}: a {contents.format} log: CONFIG needs a [mapping]; rig vote --write makes one")
-    for name, fields in _wanted(path, config).items():
+    names = {topic.name for topic in contents.topics}
+    named = _places(path, config, names.__contains__)
+    for name, fields in fields_of(named).items():
         topic = contents.named(path, name)
         for field in sorted(fields - set(topic.units)):
             raise BadInput(f"{path}: topic {name!r} has no field {quoted(field)}; {choices(field, topic.units)}")
         sources[name] = whole(f"{path}: {name}", log.source(topic, fields))
     clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
     signals: dict[str, list[str]] = {}
-    for channel, place in config.mapping.items():
-        signals.setdefault(channel.rpartition(".")[0].removesuffix(".ilm"), []).append(place.rpartition(":")[0])
+    for channel, place in named.items():
+        signals.setdefault(channel.rpartition(".")[0].removesuffix(".ilm"), []).append(place.source)
     rows, taken = joined(str(path), sources, clocks, signals)
 
     def column(name: str) -> Floats:
         if name == TIME:
             return rows.time_s
-        source, _, field = config.mapping[name].rpartition(":")
-        return taken(source, field)
+        return taken(*named[name])
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
@@ -132,17 +140,11 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     return replace(made, kept=rows.kept, repairs=repairs, remarks=remarks, warnings=(*damage, *warnings))
 
 
-def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
-    """Return the fields of each source that the mapping names, the source of the rows first."""
+def _places(path: Path, config: VoteConfig, is_source: Callable[[str], bool]) -> dict[str, Place]:
+    """Return the place of each column that the mapping names."""
     if not config.mapping:
         raise BadInput(f"{path}: a folder: CONFIG needs a [mapping] of columns to its files")
-    wanted: dict[str, set[str]] = {}
-    for column, place in config.mapping.items():
-        source, colon, field = place.rpartition(":")
-        if not (source and colon and field):
-            raise BadInput(f"[mapping] {column}: must be '<source>:<field>', got {place!r}")
-        wanted.setdefault(source, set()).add(field)
-    return wanted
+    return places(config.mapping, is_source)
 
 
 def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
@@ -191,7 +193,7 @@ def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) ->
 
 
 def _joined(
-    path: Path, config: VoteConfig, sources: Mapping[str, Source], remarks: list[str], repair: bool
+    path: Path, named: Mapping[str, Place], sources: Mapping[str, Source], remarks: list[str], repair: bool
 ) -> Recording:
     """Return the columns of the mapping on the rows of the first source."""
     clocks = {name: clock(f"{path}: {name}", source.time_s, repair) for name, source in sources.items()}
@@ -201,14 +203,14 @@ def _joined(
     def column(name: str) -> Floats:
         if name == TIME:
             return first.time_s
-        source, _, field = config.mapping[name].rpartition(":")
+        source, field = named[name]
         rows, near = nearest[source]
         return np.where(near, clocks[source].of(sources[source].fields[field])[rows], np.nan)
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
     warnings += strange_rate(first.source, first.time_s)
-    made = assemble(str(path), [TIME, *config.mapping], column)
+    made = assemble(str(path), [TIME, *named], column)
     return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(warnings))
 
 
