@@ -36,7 +36,7 @@ BROKEN: Final = (  # raised by records that make no sense
     RuntimeError,  # of the lz4 library
 )
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the compression's name
-_MESSAGE: Final = struct.Struct("<HIQQ")  # channel id, sequence, log time, publish time
+MESSAGE_HEAD: Final = struct.Struct("<HIQQ")  # channel id, sequence, log time, publish time
 
 
 def most_bytes(size: int) -> int:
@@ -213,11 +213,11 @@ def in_chunk(data: bytes, wanted: Container[int], path: Path) -> Iterator[Raw]:
 
 def message(data: bytes, begin: int, end: int, wanted: Container[int], path: Path) -> Raw | None:
     """Return the message that stands from ``begin`` to ``end``; None: it is of none of the channels ``wanted``."""
-    if end - begin < _MESSAGE.size:
+    if end - begin < MESSAGE_HEAD.size:
         raise ValueError("a message without a head")
-    channel, _, time_ns, _ = _MESSAGE.unpack_from(data, begin)
+    channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data, begin)
     if channel not in wanted:
         return None
     if end - begin > MESSAGE_LIMIT:
         raise BadLog(f"{path}: a message of {end - begin} bytes; numbers are read from up to {MESSAGE_LIMIT}")
-    return Raw(channel, time_ns, data[begin + _MESSAGE.size : end])
+    return Raw(channel, time_ns, data[begin + MESSAGE_HEAD.size : end])

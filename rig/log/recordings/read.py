@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from os.path import isfile  # False for a name that no file can have
 from pathlib import Path
 from stat import S_ISDIR
 from typing import Final
@@ -77,7 +76,7 @@ def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> 
     if (log := log or open_log(path)) is not None and not _is_elsewhere(path, log, config):
         return _of_log(path, log, config, repair)
     if folder:
-        named = _places(path, config, lambda name: isfile(path / name))
+        named = _places(path, config, lambda name: _is_file(path / name))
         return _joined(path, named, *_folder(path, fields_of(named), config.tables), repair)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
@@ -106,6 +105,13 @@ def _is_folder(path: Path) -> bool:
             return S_ISDIR(path.stat().st_mode)
         except FileNotFoundError:
             raise BadInput(f"{path}: no such file") from None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recording:
