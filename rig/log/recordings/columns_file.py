@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from rig.core.errors import BadInput
+from rig.core.text import quoted
 from rig.core.units.conversion import conversion
 from rig.log.mcap_messages import most_bytes
 from rig.log.recordings.csv_file import Read, TableFormat, arrow_file, once_each, read_csv
@@ -31,7 +32,7 @@ class Table:
         self.path, self.written = path, written or TableFormat()
         self.remarks: list[str] = []  # what is told of how it was read
         try:
-            self._table, self.header, remark = _READERS[path.suffix](path, wanted, self.written)
+            self._table, self.header, remark, self.units = _READERS[path.suffix](path, wanted, self.written)
         except _FAULTS as error:
             raise BadInput(f"{path}: {_one_line(error)}") from None
         self.names: list[str] = self._table.column_names
@@ -53,7 +54,7 @@ class Table:
         name = self.written.time_column
         instants = self._table.column(name)
         if not pa.types.is_temporal(instants.type):
-            return self.column(name) * conversion(self.written.time_unit, "s").factor, None
+            return self.column(name) * self._tick_s(), None
         empty = np.asarray(instants.is_null())
         if empty.all():
             return np.full(len(empty), np.nan), zero_ns
@@ -68,6 +69,19 @@ class Table:
             began = str(instants[first].cast(pa.string())).replace(".000000000", "")
             self.remarks.append(f"{self.path}: {name} in seconds since {began}, its first row")
         return np.where(empty, np.nan, (at_ns - zero_ns) / 1e9), zero_ns
+
+    def _tick_s(self) -> float:
+        """Return the unit of the time, s: of CONFIG, else of a row of units, which is told."""
+        given, stated = self.written.time_unit, self.units.get(self.written.time_column)
+        if given is not None or stated in (None, "s"):
+            return conversion(given or "s", "s").factor
+        try:
+            factor = conversion(stated or "s", "s").factor
+        except ValueError:
+            self.remarks.append(f"{self.path}: row of units: {quoted(stated)} is no unit of time: s is taken")
+            return 1.0
+        self.remarks.append(f"{self.path}: time in {stated}, by its row of units")
+        return factor
 
 
 def _in_ns(kind: Any) -> Any:

@@ -34,12 +34,13 @@ def fields_of(named: Mapping[str, Place]) -> dict[str, set[str]]:
 
 
 def _place(column: str, text: str, is_source: Callable[[str], bool]) -> Place:
-    source, quote, field = text[1:].partition('":') if text.startswith('"') else ("", "", "")
-    if quote and source and field:
-        return Place(source, field)
     colons = [at for at, letter in enumerate(text) if letter == ":" and 0 < at < len(text) - 1]
+    at = next((at for at in reversed(colons) if is_source(text[:at])), None)
+    if at is None and text.startswith('"'):
+        source, quote, field = text[1:].partition('":')
+        if quote and source and field:
+            return Place(source, field)
     if not colons:
         raise BadInput(f"[mapping] {column}: must be '<source>:<field>', got {text!r}")
-    known = (at for at in reversed(colons) if is_source(text[:at]))
-    at = next(known, colons[-1])
+    at = colons[-1] if at is None else at
     return Place(text[:at], text[at + 1 :])

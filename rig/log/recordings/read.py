@@ -38,6 +38,7 @@ from rig.log.recordings.mapped import Place, fields_of, places
 from rig.log.recordings.own_logs import read_ours
 from rig.log.recordings.recording import Recording, assemble, with_discretes
 from rig.log.recordings.stamps import TIME, Floats, clock, gaps, strange_rate
+from rig.log.recordings.unit_row import stated
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 
 ENDINGS: Final = (*TABLES, ".mcap")
@@ -53,6 +54,8 @@ def load(
     default range.
     """
     recording = read(path, config, repair, log)
+    given = stated(str(path), recording.units, config)
+    recording, config = replace(recording, remarks=(*recording.remarks, *given.remarks)), config.with_units(given.units)
     settings = config.signals(recording.signals, source)
     if not recording.in_si:
         converted = {
@@ -77,10 +80,12 @@ def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> 
         return _of_log(path, log, config, repair)
     if folder:
         named = _places(path, config, lambda name: _is_file(path / name))
-        return _joined(path, named, *_folder(path, fields_of(named), config.tables), repair)
+        sources, remarks, units = _folder(path, fields_of(named), config.tables)
+        stated_of = {column: unit for column, place in named.items() if (unit := units.get(place))}
+        return replace(_joined(path, named, sources, remarks, repair), units=stated_of)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
-    if path.suffix == ".mcap" and config.tables != TableFormat(config.time_column):
+    if path.suffix == ".mcap" and _is_of_tables(config):
         raise BadInput(f"{path}: time_unit, separator and decimal are those of tables; messages have their log time")
     if path.suffix == ".mcap" and config.mapping:
         named, damage = _places(path, config, foreign.topics(path, lenient=True).__contains__), list[str]()
@@ -88,6 +93,12 @@ def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> 
         made = _joined(path, named, sources, [], repair)
         return replace(made, warnings=(*(f"{path}: {line}" for line in damage), *made.warnings))
     return read_ours(path, repair) if path.suffix == ".mcap" else _table(path, config, repair)
+
+
+def _is_of_tables(config: VoteConfig) -> bool:
+    """Return True if CONFIG says how tables are written."""
+    usual = TableFormat(config.time_column)
+    return config.tables not in (usual, usual._replace(time_unit="s"))
 
 
 def _is_elsewhere(path: Path, log: OpenLog, config: VoteConfig) -> bool:
@@ -166,7 +177,9 @@ def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
     made = assemble(
         str(path), [TIME, *names], lambda name: time_s if name == TIME else table.column(names[name]), repair
     )
-    return replace(made, remarks=tuple(table.remarks), warnings=(*made.warnings, *strange_rate(str(path), made.time_s)))
+    units = {name: unit for name in names if (unit := table.units.get(names[name]))}
+    warnings = (*made.warnings, *strange_rate(str(path), made.time_s))
+    return replace(made, remarks=tuple(table.remarks), warnings=warnings, units=units)
 
 
 def _must_have(path: Path, table: Table, name: str) -> None:
@@ -175,9 +188,12 @@ def _must_have(path: Path, table: Table, name: str) -> None:
         raise BadInput(f"{path}: no column {name!r}, which CONFIG names (time_column, [mapping]); there are: {there}")
 
 
-def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) -> tuple[dict[str, Source], list[str]]:
-    """Return the sources in a folder, with time since the first row of the first, and what is told of them."""
+def _folder(
+    path: Path, wanted: Mapping[str, set[str]], written: TableFormat
+) -> tuple[dict[str, Source], list[str], dict[Place, str]]:
+    """Return the sources in a folder, with time since the first row of the first, what is told, and rows of units."""
     sources: dict[str, Source] = {}
+    units: dict[Place, str] = {}
     remarks: list[str] = []
     zero, time = None, written.time_column
     for name, fields in wanted.items():
@@ -195,7 +211,8 @@ def _folder(path: Path, wanted: Mapping[str, set[str]], written: TableFormat) ->
         zero = own_zero
         sources[name] = Source(time_s, {field: table.column(field) for field in fields})
         remarks += table.remarks
-    return sources, remarks
+        units |= {Place(name, field): unit for field, unit in table.units.items()}
+    return sources, remarks, units
 
 
 def _joined(
