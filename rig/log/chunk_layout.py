@@ -85,6 +85,22 @@ class Table:
         self.template = np.frombuffer(bytes(template), np.uint8)
         self._openings = np.add.outer(self._starts, np.arange(_OPENING))
 
+    @property
+    def topics(self) -> list[tuple[int, int, int]]:
+        """Return of each topic the number of its channel, and where its record begins and ends in a row."""
+        ends = [*self._starts[1:].tolist(), len(self.template)]
+        places = zip(self._starts.tolist(), ends, strict=True)
+        return [(self._first + i, start, end) for i, (start, end) in enumerate(places)]
+
+    @property
+    def constant(self) -> NDArray[np.bool_]:
+        """Return which bytes of a row are the same in every row."""
+        made = np.ones(len(self.template), np.bool_)
+        for (_, width), moved in self._moved.items():
+            for _, at, _ in moved:
+                made[at : at + width] = False
+        return made
+
     def places(self, source: str, width: int) -> NDArray[np.intp]:
         """Return (k, 3) of the values of ``width`` 8 or 1 bytes: place in ``source``, in a row, number of the topic."""
         return np.array(self._moved[source, width], np.intp).reshape(-1, 3)
@@ -159,24 +175,38 @@ class Layout:
     def read(self, data: NDArray[np.uint8]) -> Decoded:
         """Return the contents of a chunk, bit for bit as ``packing.pack`` got them; ValueError: not the rig's chunk."""
         packed = self.table.rows(data, self.table.count(data))
-        self._known.require(packed)
-        rows, timing = _gathered(packed, self._of_frame, FLAT), _gathered(packed, self._of_timing, TIMING)
-        if self.absent:
-            self._fill(rows)
+        rows, timing = self.frames(packed)
         times = packed[:, _TIME].copy().view(np.uint64)[:, 0]
         if self._rowwise or not len(times):
             runs = [Run(times, self.table.indexes(len(times)))] if len(times) else []
             return Decoded(rows, timing, second_rows(0, self._parts) if self._parts else None, runs, packed.nbytes)
         size = packed.nbytes + POSES.rows(data[packed.nbytes :], len(times[::POSE_EVERY])).nbytes
-        beside = second_rows(len(times), self._parts) if self._parts else None
-        if beside is not None:
-            beside["frame"] = rows["frame"]
-            for part in self._parts:
-                table, kind = PARTS[part], ROW_PARTS[part]
-                moved = table.rows(data[size:], len(times))
-                _known_of(part).require(moved)
-                beside[part], size = _gathered(moved, _origins(table, part, kind), kind), size + moved.nbytes
+        parts: dict[RowPart, NDArray[np.uint8]] = {}
+        for part in self._parts:
+            parts[part] = PARTS[part].rows(data[size:], len(times))
+            size += parts[part].nbytes
+        beside = self.beside(rows, parts)
         return Decoded(rows, timing, beside, frame_runs(times, self._parts), size)
+
+    def frames(self, packed: NDArray[np.uint8]) -> tuple[Block, NDArray[np.void]]:
+        """Return FLAT and TIMING of rows of the table; ValueError: a value that has no name."""
+        self._known.require(packed)
+        rows, timing = _gathered(packed, self._of_frame, FLAT), _gathered(packed, self._of_timing, TIMING)
+        if self.absent:
+            self._fill(rows)
+        return rows, timing
+
+    def beside(self, rows: Block, parts: Mapping[RowPart, NDArray[np.uint8]]) -> Block | None:
+        """Return the second rows of the records of its parts, beside ``rows``; ValueError as ``frames``."""
+        if not self._parts:
+            return None
+        beside = second_rows(len(rows), self._parts)
+        beside["frame"] = rows["frame"]
+        for part in self._parts:
+            kind = ROW_PARTS[part]
+            _known_of(part).require(parts[part])
+            beside[part] = _gathered(parts[part], _origins(PARTS[part], part, kind), kind)
+        return beside
 
     def _fill(self, rows: Block) -> None:
         """Give ``rows`` what an older log does not say: no number; a discrete whose channels are valid, unmonitored."""

@@ -56,14 +56,14 @@ def damage(path: Path, at: int) -> Iterator[None]:
 
 
 class Part(NamedTuple):
-    """One chunk of a log, decoded, and its bytes as they are in the file."""
+    """One chunk of a log, decoded, and its bytes as they are in the file; None: another program wrote them again."""
 
     rows: Block
     timing: NDArray[Any]
     beside: Block | None
     events: list[Event]
     runs: list[Run]  # of its messages
-    chunk: Chunk
+    chunk: Chunk | None
 
 
 class Decoder:
@@ -126,6 +126,14 @@ _LATEST_NS: Final = 2**63 - 1  # of the times that readers count with
 _LEVELS: Final[dict[Any, Severity]] = {code: level for level, code in LEVELS.items()}
 
 
+def event_of(frame: int, time: int, data: bytes) -> Event:
+    """Return the event of a message.  ValueError: a time beyond those that readers count with."""
+    if time > _LATEST_NS:
+        raise ValueError(f"the time of an event is {time} ns, allowed: at most {_LATEST_NS}")
+    message = FoxgloveLog.FromString(data)
+    return Event(frame, _LEVELS[message.level], message.name, message.message)
+
+
 def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]]]:
     events: list[Event] = []
     entries: list[tuple[int, int]] = []
@@ -133,10 +141,7 @@ def _events(data: bytes, offset: int) -> tuple[list[Event], list[tuple[int, int]
         opcode, length, channel, frame, time, _ = HEAD.unpack_from(data, offset)
         if opcode != MESSAGE_OPCODE or channel != EVENT_CHANNEL:
             raise ValueError("not a chunk that the rig writes")
-        if time > _LATEST_NS:
-            raise ValueError(f"the time of an event is {time} ns, allowed: at most {_LATEST_NS}")
-        message = FoxgloveLog.FromString(data[offset + HEAD.size : offset + 9 + length])
-        events.append(Event(frame, _LEVELS[message.level], message.name, message.message))
+        events.append(event_of(frame, time, data[offset + HEAD.size : offset + 9 + length]))
         entries.append((time, offset))
         offset += 9 + length
     return events, entries

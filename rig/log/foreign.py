@@ -16,20 +16,15 @@ from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from rig.core.errors import BadInput, BadLog
-from rig.core.text import quoted
-from rig.log.decode import MALFORMED
-from rig.log.mcap_messages import Budget, LimitedFile, Summary, messages, summary
+from rig.core.text import choices, quoted, shorten
+from rig.log.mcap_contents import Summary, messages, summary
+from rig.log.mcap_messages import BROKEN, Budget, LimitedFile
+from rig.log.message_fields import FieldPath, names_in
 from rig.log.message_time import seconds
 from rig.log.publishers import names_of, overlapping
 from rig.log.signal_messages import FIELDS
 
-_MALFORMED: Final = (
-    *MALFORMED,
-    EOFError,
-    TypeError,  # of a schema that protobuf does not take
-    OverflowError,  # of a place beyond what a file can have
-    RuntimeError,  # of the lz4 library; nested too deep
-)
+_MALFORMED: Final = (*BROKEN, TypeError)  # the last: of a schema that protobuf does not take
 
 
 class Source(NamedTuple):
@@ -39,16 +34,19 @@ class Source(NamedTuple):
     fields: Mapping[str, NDArray[np.float64]]
 
 
-def topics(path: Path) -> dict[str, str]:
-    """Return the topics of an MCAP file in their order, with the names of their schemas; BadLog: cut or damaged."""
+def topics(path: Path, lenient: bool = False) -> dict[str, str]:
+    """Return the topics of an MCAP file in their order, with the names of their schemas; BadLog: cut or damaged.
+
+    lenient : those that a cut or damaged file still declares
+    """
     with opened(path) as file:
-        return _topics(summary(file))
+        return _topics(summary(file, lenient))
 
 
 def encodings(path: Path) -> set[tuple[str, str]]:
-    """Return encoding and schema of the messages of an MCAP file.  BadLog as ``topics``."""
+    """Return encoding and schema of the messages that an MCAP file declares.  BadLog: it is none."""
     with opened(path) as file:
-        contents = summary(file)
+        contents = summary(file, lenient=True)
     of = ((channel.message_encoding, contents.schemas.get(channel.schema_id)) for channel in contents.channels.values())
     return {(encoding, schema.name if schema else "") for encoding, schema in of}
 
@@ -82,25 +80,35 @@ def _topics(contents: Summary) -> dict[str, str]:
     return {topic: schema.name if schema else "" for topic, schema in named.items()}
 
 
-def read(path: Path, wanted: Mapping[str, set[str]]) -> dict[str, Source]:
+def read(path: Path, wanted: Mapping[str, set[str]], damage: list[str] | None = None) -> dict[str, Source]:
     """Read fields of messages by topic, ``angular_velocity.x`` for nested ones, ``data.0`` for an element.
 
-    Time is the log time of each message, by which they are ordered.  BadInput: no such topic or field, an encoding
-    that is neither protobuf nor JSON; BadLog: a file that is cut or damaged, or expands beyond its limits.
+    Time is the log time of each message, by which they are ordered.
+    damage : a cut or damaged file is read as far as possible, and lines on what was left out are added; None: BadLog
+    BadInput: no such topic or field, an encoding that is neither protobuf nor JSON; BadLog: a file that is none, or
+    expands beyond its limits.
     """
     with opened(path) as file:
-        contents = summary(file)
+        contents = summary(file, damage is not None)
         present = names_of((number, channel.topic) for number, channel in sorted(contents.channels.items()))
         for topic in wanted:
             if topic not in present:
-                raise BadInput(f"{path}: no topic {topic!r}; there are: {', '.join(_topics(contents))}")
+                there = shorten(", ".join(_topics(contents)), 1000) or "none"
+                raise BadInput(f"{path}: no topic {quoted(topic)}; there are: {there}")
         collected = {topic: _Collector(path, topic, sorted(fields)) for topic, fields in wanted.items()}
         takers = {number: collected[topic] for topic in wanted for number in present[topic]}
-        budget = Budget(file)
-        for message in messages(file, contents, takers, budget):
+        budget, bad = Budget(file), list[Exception]()
+        for message in messages(file, contents, takers, budget, damage):
             channel = contents.channels[message.channel]
-            schema = contents.schemas[channel.schema_id] if channel.schema_id else None
-            budget.spend(takers[channel.id].add(schema, channel, message.time_ns, message.data))
+            schema = contents.schemas.get(channel.schema_id) if channel.schema_id else None
+            try:
+                budget.spend(takers[channel.id].add(schema, channel, message.time_ns, message.data))
+            except _MALFORMED as error:
+                if damage is None or not takers[channel.id].rows:
+                    raise
+                bad.append(error)
+    if damage is not None and bad:
+        damage.append(f"{len(bad)} messages cannot be decoded: left out; of the first: {_one_line(bad[0])}")
     return {topic: collector.source() for topic, collector in collected.items()}
 
 
@@ -113,19 +121,26 @@ def opened(path: Path) -> Iterator[LimitedFile]:
     except OSError as error:
         raise BadLog(f"{path}: cannot be read: {error.strerror}") from None
     except _MALFORMED as error:
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise BadLog(f"{path}: not an MCAP file, cut or damaged: {what[:200]}") from None
+        raise BadLog(f"{path}: not an MCAP file, cut or damaged: {_one_line(error)}") from None
+
+
+def _one_line(error: Exception) -> str:
+    return (" ".join(str(error).split()) or type(error).__name__)[:200]
 
 
 class _Collector:
     """The wanted fields of one topic's messages, in columns."""
 
     def __init__(self, path: Path, topic: str, fields: list[str]) -> None:
-        self._topic, self._where = topic, f"{path}: topic {topic!r}"
-        self._fields = [(field, field.split(".")) for field in fields]
+        self._topic, self._where = topic, f"{path}: topic {quoted(topic)}"
+        self._fields = [_Field(name) for name in fields]
         self._times, self._channels = array("Q"), array("H")
-        self._values = [array("d") for _ in fields]
         self._decode: dict[int, Callable[[bytes], Any]] = {}  # by channel: a topic may have several
+
+    @property
+    def rows(self) -> int:
+        """Messages taken."""
+        return len(self._times)
 
     def add(self, schema: Schema | None, channel: Channel, time: int, data: bytes) -> int:
         """Take one message; how many bytes it takes."""
@@ -133,25 +148,30 @@ class _Collector:
         if decode is None:
             decode = self._decode[channel.id] = self._decoder(schema, channel)
         message = decode(data)
+        numbers = [field.number(message, schema, self._where) for field in self._fields]
         self._times.append(time)
         self._channels.append(channel.id)
-        for (field, steps), values in zip(self._fields, self._values, strict=True):
-            values.append(self._number(message, field, steps))
-        return 8 + 8 * len(self._values)
+        for field, number in zip(self._fields, numbers, strict=True):
+            if number is None:
+                field.lack(len(self._times), message)
+            field.values.append(float("nan") if number is None else number)
+        return 8 + 8 * len(self._fields)
 
     def source(self) -> Source:
         """Return the collected numbers in the order of time; messages of one time in that of the file.
 
-        BadInput: two publishers on the topic.
+        BadInput: two publishers on the topic, messages that lack a field, which has no default.
         """
         self._refuse_two_publishers()
+        for field in self._fields:
+            field.refuse_lacking(self._where, self._times)
         times = np.frombuffer(self._times, np.uint64)
-        columns = [np.frombuffer(values, np.float64) for values in self._values]
+        columns = [np.frombuffer(field.values, np.float64) for field in self._fields]
         if (times[1:] < times[:-1]).any():
             order = np.argsort(times, kind="stable")
             times, columns = times[order], [column[order] for column in columns]
         time_s = times / 1e9
-        return Source(time_s, dict(zip((field for field, _ in self._fields), columns, strict=True)))
+        return Source(time_s, dict(zip((field.name for field in self._fields), columns, strict=True)))
 
     def _refuse_two_publishers(self) -> None:
         both = overlapping(self._channels, np.frombuffer(self._times, np.uint64) / 1e9) if self._channels else []
@@ -167,20 +187,50 @@ class _Collector:
             raise BadInput(f"{self._where}: encoding {channel.message_encoding!r}; allowed: protobuf, json")
         return decode
 
-    def _number(self, message: Any, field: str, steps: list[str]) -> float:
-        value = message
+
+class _Field:
+    """One field: its numbers, and which messages lack it."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self._path = name, FieldPath(name)
+        self.values = array("d")
+        self._defaults: dict[int, float | None] = {}  # by schema
+        self._lacking, self._first, self._there = 0, 0, list[str]()
+
+    def number(self, message: Any, schema: Schema | None, where: str) -> float | None:
+        """Return the number of a message, or its default; None: it has neither.  BadInput: no number."""
         try:
-            for step in steps:
-                value = _step(value, step)
+            value = self._path.value(message)
+        except LookupError:
+            return self._default(schema)
+        try:
             value = seconds(value)
             return float("nan") if value is None else float(value)
         except OverflowError:  # a whole number beyond all floats: not a sample
             return float("nan")
-        except (AttributeError, LookupError, TypeError, ValueError):
-            raise BadInput(f"{self._where}: no number {field!r} in its messages") from None
+        except (TypeError, ValueError):
+            raise BadInput(f"{where}: no number {quoted(self.name)} in its messages") from None
 
+    def lack(self, number: int, message: Any) -> None:
+        """Note that message ``number``, from 1, lacks the field."""
+        if not self._lacking:
+            self._first, self._there = number, names_in(message)
+        self._lacking += 1
 
-def _step(value: Any, name: str) -> Any:
-    if isinstance(value, dict):
-        return value[name]
-    return value[int(name)] if name.isdigit() else getattr(value, name)
+    def refuse_lacking(self, where: str, times: array[int]) -> None:
+        """Raise BadInput if messages lack the field: which, and how many."""
+        if self._lacking == 0:
+            return
+        if self._lacking == len(times):
+            there = f"; {choices(self.name, self._there)}" if self._there else ""
+            raise BadInput(f"{where}: no number {quoted(self.name)} in its messages{there}")
+        raise BadInput(
+            f"{where}: {self._lacking} of {len(times)} messages lack {quoted(self.name)}, and their schema has no "
+            f"default for it; the first is message {self._first}, at {(times[self._first - 1] - times[0]) / 1e9:.6g} s"
+        )
+
+    def _default(self, schema: Schema | None) -> float | None:
+        key = 0 if schema is None else schema.id
+        if key not in self._defaults:
+            self._defaults[key] = self._path.default(schema)
+        return self._defaults[key]

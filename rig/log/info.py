@@ -86,6 +86,10 @@ def _health(log: Contents) -> str:
         return f"{log.damage}; rig recover saves the frames before it"
     mended = log.others.get(RECOVERED)
     whole = "whole, every checksum matches"
+    if log.again:
+        whole = f"another program wrote its records again; {whole}"
+    if log.unchecked:
+        whole = "another program wrote its records again, without a checksum of all; whole as far as can be told"
     if mended is not None:
         return f"{whole}; recovered from a log that was {mended.get('damage', 'damaged')}"
     return whole if log.result is not None else f"{whole}; the flight has no regular end"

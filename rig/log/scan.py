@@ -1,75 +1,31 @@
 """Check every byte of a log, and repair one that was cut.
 
 Each byte of the file is under one of three checksums (chunk, data section, footer): what comes out of a
-log without BadLog is what was written.
+log without BadLog is what was written.  A log that another program wrote again, in another structure, is read by
+remade.py; it has the checksums that the program gave it.
 """
 
 from __future__ import annotations
 
-import json
-import math
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
+from typing import BinaryIO, Final
 
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
-from zlib_ng.zlib_ng import crc32
 
 from rig.core.errors import BadLog
 from rig.core.files import open_regular, replaced, reported
-from rig.core.frame import RowParts
-from rig.core.renamed import MESSAGES as MESSAGES_NOW
-from rig.core.renamed import TOPICS
-from rig.core.text import quoted
-from rig.log.chunk_layout import Layout, layout_of
-from rig.log.container import MAGIC, RECORD_HEAD, Container, Packed
-from rig.log.decode import Damaged, Decoder, Part, damage, same_crc
-from rig.log.mcap_messages import RECORD_LIMIT
-from rig.log.schema import (
-    ALL_TOPICS,
-    BY_TOPIC,
-    MESSAGES,
-    MESSAGES_SINCE,
-    OLDEST,
-    PART_MESSAGES,
-    PART_TOPICS,
-    RESULT,
-    RIG,
-    SCHEMA_VERSION,
-    Field,
-    channels,
-    descriptors,
-    older,
-    opening,
-)
+from rig.core.frame import Table
+from rig.log.container import MAGIC, Container, Packed
+from rig.log.decode import Damaged, Decoder, Part, damage
+from rig.log.log_records import About, Descriptions, note, records, written_again
+from rig.log.remade import remade_parts
+from rig.log.schema import ALL_TOPICS, MESSAGES_SINCE, RESULT, RIG, opening
 
-_RATES_HZ: Final = (1.0, 1000.0)  # of a flight, as a scenario has them
 RECOVERED: Final = "recovered"  # name of the metadata record of a log that was mended
-R = TypeVar("R", Attachment, Channel, DataEnd, Footer, Metadata, Schema)
-_VOTED: Final = ("rig.Signal", "rig.Discrete")  # messages of an output of rig vote
-
-
-@dataclass(slots=True)
-class About:
-    """The contents of a log beside its frames; filled while the log is read."""
-
-    metadata: dict[str, str] = field(default_factory=dict)
-    result: dict[str, str] | None = None
-    attachments: dict[str, bytes] = field(default_factory=dict)
-    others: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata records of other names
-    parts: RowParts = ()  # of servo actuators, of several computers
-
-    @property
-    def rate_hz(self) -> float:
-        """Frames a second."""
-        return float(self.metadata["rate_hz"])
 
 
 @dataclass(slots=True)
@@ -113,10 +69,13 @@ def iter_parts(path: Path, about: About) -> Iterator[Part]:
 def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
     if file.read(len(MAGIC)) != MAGIC:
         raise BadLog(f"{path}: not an MCAP file")
-    described = _Descriptions(path)
+    if written_again(file, path):
+        yield from remade_parts(file, path, about)
+        return
+    described = Descriptions(path)
     with Decoder(path) as decoder:
         try:
-            for record in _records(file, path):
+            for record in records(file, path):
                 if record.opcode == Opcode.CHUNK:
                     with damage(path, record.offset):
                         layout = described.check(about)
@@ -124,179 +83,10 @@ def _parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
                 elif record.opcode != Opcode.MESSAGE_INDEX:  # which the chunks tell better
                     yield from decoder.rest()  # what a record says counts only when all before it is whole
                     with damage(path, record.offset):
-                        _note(record, path, about, described)
+                        note(record, path, about, described)
         except Damaged:
             yield from decoder.rest()
             raise
-
-
-class _Record(NamedTuple):
-    opcode: int
-    offset: int
-    content: bytes
-    crc_before: int  # of the data section, or after DataEnd of the summary
-
-
-def _records(file: BinaryIO, path: Path) -> Iterator[_Record]:
-    """Yield every record up to the footer; Damaged where the file ends before it."""
-    size = file.seek(0, 2)
-    file.seek(size - len(MAGIC))
-    ended = size >= 2 * len(MAGIC) and file.read() == MAGIC
-    offset = file.seek(len(MAGIC))
-    crc = crc32(MAGIC)
-    while True:
-        head = file.read(RECORD_HEAD.size)
-        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, size)
-        if length > RECORD_LIMIT and ended:
-            raise Damaged(path, f"damaged at byte {offset}: a record of {length} bytes", offset)
-        if offset + len(head) + length > size:
-            if ended:
-                raise Damaged(path, f"damaged at byte {offset}", offset)
-            raise Damaged(path, f"truncated at byte {size}", offset)
-        content = file.read(length)
-        yield _Record(opcode, offset, content, crc)
-        if opcode == Opcode.FOOTER:
-            break
-        crc = 0 if opcode == Opcode.DATA_END else crc32(content, crc32(head, crc))
-        offset += len(head) + length
-    end = file.read()
-    if end != MAGIC:
-        at = size - len(end)
-        raise Damaged(path, f"truncated at byte {size}" if MAGIC.startswith(end) else "damaged at its end", at)
-
-
-def _as(kind: type[R], record: _Record) -> R:
-    read: Any = kind.read
-    return read(ReadDataStream(BytesIO(record.content)))
-
-
-def _note(record: _Record, path: Path, about: About, described: _Descriptions) -> None:
-    """Note what ``record``, no chunk, says."""
-    if record.opcode == Opcode.METADATA:
-        entry = _as(Metadata, record)
-        if entry.name == RIG:
-            _check_version(path, entry.metadata)
-            _check_rate(path, entry.metadata)
-            about.metadata = entry.metadata
-        elif entry.name == RESULT:
-            _check_result(path, entry.metadata)
-            about.result = entry.metadata
-        else:
-            about.others[entry.name] = entry.metadata
-    elif record.opcode == Opcode.ATTACHMENT:
-        same_crc("attachment", int.from_bytes(record.content[-4:], "little"), crc32(record.content[:-4]))
-        attached = _as(Attachment, record)
-        about.attachments[attached.name] = attached.data
-    elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-        described.add(record)
-    elif record.opcode == Opcode.DATA_END:
-        described.check(about)
-        same_crc("data section", _as(DataEnd, record).data_section_crc, record.crc_before)
-    elif record.opcode == Opcode.FOOTER:
-        head = RECORD_HEAD.pack(record.opcode, len(record.content)) + record.content[:16]
-        same_crc("summary", _as(Footer, record).summary_crc, crc32(head, record.crc_before))
-
-
-def _check_version(path: Path, metadata: dict[str, str]) -> None:
-    """Raise BadLog, which says who wrote it, for a log of a version that is not read."""
-    version = metadata["schema_version"]
-    if not OLDEST <= int(version) <= SCHEMA_VERSION:
-        by = metadata.get("version jsbsim-rig", "of another version")
-        commit = f", commit {metadata['git commit']}" if "git commit" in metadata else ""
-        written = f"written by jsbsim-rig {by}{commit}"
-        raise BadLog(f"{path}: schema version {version} ({written}); this one reads {OLDEST} to {SCHEMA_VERSION}")
-
-
-def _check_rate(path: Path, metadata: dict[str, str]) -> None:
-    """Raise BadLog unless the rate is one that a flight can have."""
-    text = metadata.get("rate_hz", "nothing")
-    try:
-        rate_hz = float(text)
-    except ValueError:
-        rate_hz = math.nan
-    if not _RATES_HZ[0] <= rate_hz <= _RATES_HZ[1]:
-        raise BadLog(f"{path}: rate_hz of its metadata is {quoted(text)}, must be from 1 to 1000")
-
-
-def _check_result(path: Path, result: dict[str, str]) -> None:
-    """Raise BadLog where what is kept of a unit under test, or of the keys, is no JSON table of finite numbers."""
-    for key in ("unit", "keys"):
-        try:
-            data = json.loads(result.get(key, "{}"))
-            json.dumps(data, allow_nan=False)
-        except (ValueError, RecursionError):
-            data = None
-        if not isinstance(data, dict):
-            raise BadLog(f"{path}: {key!r} of its result is damaged")
-
-
-class _Descriptions:
-    """The schemas and channels of a log, which must be those that this version writes, or an older one wrote."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._layout: Layout | None = None
-
-    def add(self, record: _Record) -> None:
-        if record.opcode == Opcode.SCHEMA:
-            schema = _as(Schema, record)
-            self._schemas[schema.id] = schema
-        else:
-            channel = _as(Channel, record)
-            self._channels[channel.id] = channel
-
-    def check(self, about: About) -> Layout:
-        """Return the layout of the chunks; raise BadLog if the messages are not those of the rig."""
-        if self._layout is None:
-            if not about.metadata:
-                raise BadLog(f"{self._path}: {self._foreign()}")
-            version = int(about.metadata["schema_version"])
-            newest, by_topic = version == SCHEMA_VERSION, version >= BY_TOPIC
-            fields_by_message: dict[str, tuple[Field, ...]] = {}
-            named = {channel.topic for channel in self._channels.values()} if by_topic else set[str]()
-            about.parts = tuple(part for part, topics in PART_TOPICS.items() if topics[0].name in named)
-            for ours in channels(about.parts):
-                name = ALL_TOPICS[ours.id - 1].message
-                fields = self._fields(self._schema(ours), name, newest)
-                fields_by_message.setdefault(name, fields)
-            self._layout = layout_of(about.parts) if by_topic else Layout(fields_by_message, rowwise=True)
-        return self._layout
-
-    def _foreign(self) -> str:
-        """Say what a file without the metadata of a flight is, and what reads it."""
-        if any(schema.name in _VOTED for schema in self._schemas.values()):
-            return (
-                "an output of rig vote, no log of a flight: rig diff compares it, rig vote votes on its channels "
-                "again; for a plot, rig vote --out FILE.csv or .parquet writes a table"
-            )
-        return f"not a log of this rig (no metadata record {RIG!r})"
-
-    def _schema(self, ours: Channel) -> Schema:
-        """Return the schema of one of our channels in this log."""
-        channel = self._channels.get(ours.id)
-        if channel is None or TOPICS.get(channel.topic, channel.topic) != ours.topic:
-            named = "is missing" if channel is None else f"is {channel.topic}"
-            raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
-        return self._schemas[channel.schema_id]
-
-    def _fields(self, schema: Schema, name: str, newest: bool) -> tuple[Field, ...]:
-        """Return the fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
-
-        Those may be of another release: we write the fields that we know.
-        """
-        fields: tuple[Field, ...] | None = ()
-        known = {**MESSAGES, **PART_MESSAGES}
-        if name in known:
-            described = FileDescriptorSet.FromString(schema.data)
-            if described == descriptors(name):
-                fields = known[name]
-            else:
-                fields = None if newest else older(described, known[name])
-        if MESSAGES_NOW.get(schema.name, schema.name) != name or fields is None:
-            raise BadLog(f"{self._path}: the fields of {schema.name} are not those of this rig")
-        return fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,8 +110,12 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
     log, lost = contents(path), 0
     if log.damaged is not None:
         _check_mendable(path, log)
-        with replaced(out) as draft, reported(out), closing(Container(draft, opening(log.parts))) as file:
-            _copy(path, file, log)
+        with replaced(out) as draft, reported(out):
+            if log.again:
+                _write_again(path, draft, log)
+            else:
+                with closing(Container(draft, opening(log.parts))) as file:
+                    _copy(path, file, log)
         lost = path.stat().st_size - log.damaged.at
     last_s = log.last_frame / log.rate_hz
     return Recovered(log.frames, last_s, complete=not log.damage, lost_bytes=lost, damage=log.damage)
@@ -341,9 +135,21 @@ def _copy(path: Path, file: Container, log: Contents) -> None:
         file.attachment(name, data)
     with suppress(Damaged):  # the damage that brought us here
         for part in iter_parts(path, About()):
-            chunk = part.chunk
-            file.chunk(Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, part.runs))
+            if (chunk := part.chunk) is not None:
+                file.chunk(Packed(chunk.data, chunk.uncompressed_crc, chunk.uncompressed_size, part.runs))
     file.metadata(RECOVERED, {"damage": log.damage})
     if log.result is not None:
         file.metadata(RESULT, log.result)
     file.finish()
+
+
+def _write_again(path: Path, draft: Path, log: Contents) -> None:
+    """Write the frames before the damage of a log whose chunks are not the rig's."""
+    from rig.log.writer import LogWriter  # which needs kernels
+
+    with LogWriter(draft, log.rate_hz, log.metadata, log.attachments.items(), parts=log.parts) as writer:
+        with suppress(Damaged):
+            for part in iter_parts(path, About()):
+                writer.write(Table(part.rows, part.beside, part.timing), part.events)
+        writer.note(RECOVERED, {"damage": log.damage})
+        writer.close(log.result)

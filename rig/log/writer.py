@@ -104,6 +104,11 @@ class LogWriter:
             part = table[start : start + self.chunk_frames]
             self._append(*self._fill(part, events if start == starts[-1] else ()))
 
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Append a metadata record; OSError when the disk is full."""
+        if self._file is not None:
+            self._file.metadata(name, values)
+
     def close(self, result: Mapping[str, str] | None = None) -> None:
         """Write ``result`` (how the flight ended) and the summary; a second call does nothing.
 

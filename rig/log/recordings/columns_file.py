@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from rig.core.errors import BadInput
+from rig.core.text import quoted
 from rig.core.units.conversion import conversion
 from rig.log.mcap_messages import most_bytes
 from rig.log.recordings.csv_file import Read, TableFormat, arrow_file, once_each, read_csv
@@ -31,7 +33,7 @@ class Table:
         self.path, self.written = path, written or TableFormat()
         self.remarks: list[str] = []  # what is told of how it was read
         try:
-            self._table, self.header, remark = _READERS[path.suffix](path, wanted, self.written)
+            self._table, self.header, remark, self.units = _READERS[path.suffix](path, wanted, self.written)
         except _FAULTS as error:
             raise BadInput(f"{path}: {_one_line(error)}") from None
         self.names: list[str] = self._table.column_names
@@ -53,7 +55,7 @@ class Table:
         name = self.written.time_column
         instants = self._table.column(name)
         if not pa.types.is_temporal(instants.type):
-            return self.column(name) * conversion(self.written.time_unit, "s").factor, None
+            return self.column(name) * conversion(self.time_unit, "s").factor, None
         empty = np.asarray(instants.is_null())
         if empty.all():
             return np.full(len(empty), np.nan), zero_ns
@@ -68,6 +70,20 @@ class Table:
             began = str(instants[first].cast(pa.string())).replace(".000000000", "")
             self.remarks.append(f"{self.path}: {name} in seconds since {began}, its first row")
         return np.where(empty, np.nan, (at_ns - zero_ns) / 1e9), zero_ns
+
+    @cached_property
+    def time_unit(self) -> str:
+        """The unit of times that are numbers: of CONFIG, else of a row of units, which is told."""
+        given, stated = self.written.time_unit, self.units.get(self.written.time_column)
+        if given is not None or stated in (None, "s"):
+            return given or "s"
+        try:
+            conversion(stated or "s", "s")
+        except ValueError:
+            self.remarks.append(f"{self.path}: row of units: {quoted(stated)} is no unit of time: s is taken")
+            return "s"
+        self.remarks.append(f"{self.path}: time in {stated}, by its row of units")
+        return stated or "s"
 
 
 def _in_ns(kind: Any) -> Any:

@@ -2,19 +2,16 @@
 
 The separator is the one that splits the header into most columns; a decimal comma is tried where the separator is no
 comma and points do not do; a column of time whose first cell is a date or a time of day is read as such.  CONFIG can
-set the first two.
+set the first two.  csv_head.py finds the header; lines that begin with # are left out.
 """
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from io import BytesIO, TextIOWrapper
-from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -24,14 +21,15 @@ import pyarrow.csv
 from rig.core.errors import BadInput
 from rig.core.files import open_regular
 from rig.core.text import quoted
+from rig.log.recordings.csv_head import LARGEST_TABLE, Head, head_of
 from rig.log.recordings.stamps import TIME
 
-SEPARATORS: Final = (",", ";", "\t")
 DECIMALS: Final = (".", ",")
 CONFIG: Final = "docs/reference/recordings.md"
-LARGEST_TABLE: Final = 4 << 30  # bytes of a file
-_MOST_HEAD: Final = 1 << 20  # bytes in which the header must end
-_NO_VALUE: Final = ["", "nan", "NaN", "NAN"]
+_MOST_BLANKS: Final = 16  # of a cell without a value
+_NO_VALUE: Final = [" " * n + text for text in ("", "nan", "NaN", "NAN") for n in range(_MOST_BLANKS)]
+_COMMENT: Final = re.compile(rb"(?m)(?<![^\r\n])[ \t]*#[^\r\n]*(?:\r\n|\r|\n|$)")
+_PART: Final = 1 << 24  # bytes that are searched at once
 _CALENDAR: Final = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d[\d:.]*(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?)?")
 _OF_DAY: Final = re.compile(r"\d\d:\d\d(?::\d\d(?:\.\d+)?)?")
 _CELL: Final = re.compile(r"In CSV column #(\d+): (?:Row #(\d+): )?CSV conversion error to .+?: (.*)", re.DOTALL)
@@ -42,7 +40,7 @@ class TableFormat(NamedTuple):
     """Format of tables, as CONFIG gives it; None: detected from the file."""
 
     time_column: str = TIME
-    time_unit: str = "s"
+    time_unit: str | None = None  # None: of the row of units, else s
     separator: str | None = None
     decimal: str | None = None
 
@@ -53,26 +51,32 @@ class Read(NamedTuple):
     table: Any
     header: list[str]
     found: str
+    units: Mapping[str, str] = {}  # by column, of a row of units
 
 
 def read_csv(path: Path, wanted: Callable[[str], bool], written: TableFormat) -> Read:
     """Return the ``wanted`` columns of the file.  BadInput in one line: a cell or a row that does not fit."""
-    header, first, separator = _head(path, written)
+    head = head_of(path, written.time_column, written.separator)
+    header, separator = [name for name in head.names if name], head.separator
     once_each(path, header)
     columns: dict[str, Any] = dict.fromkeys(filter(wanted, header), pa.float64())
     if not columns:
         return Read(pa.table({}), header, "")
     if written.time_column in columns:
-        columns[written.time_column] = _kind_of_time(dict(zip(header, first, strict=False)).get(written.time_column))
+        columns[written.time_column] = _kind_of_time(
+            dict(zip(head.names, head.first, strict=False)).get(written.time_column)
+        )
     decimals = DECIMALS[:1] if separator == "," else DECIMALS
     refused: tuple[int, str] = (-1, "")
+    source = _Source(path, head, _comments(path, head.begin))
     for decimal in decimals if written.decimal is None else [written.decimal]:
         try:
-            table = _read(path, columns, separator, decimal)
+            table = _read(source, columns, separator, decimal)
         except pa.ArrowInvalid as error:
-            refused = max(refused, _refusal(str(error), header, columns))
+            refused = max(refused, _refusal(str(error), source, columns))
         else:
-            return Read(table, header, _found(written, separator, decimal))
+            found = [_found(written, separator, decimal), *head.remarks, *source.remarks]
+            return Read(table, header, "; ".join(filter(None, found)), head.units)
     raise BadInput(f"{path}: {refused[1]}")
 
 
@@ -83,28 +87,56 @@ def once_each(path: Path, names: list[str]) -> None:
         raise BadInput(f"{path}: column {twice[0]!r} is given twice")
 
 
-def _head(path: Path, written: TableFormat) -> tuple[list[str], list[str], str]:
-    """Return the names of the columns, the cells of the first row, and the separator."""
-    with open_regular(path, LARGEST_TABLE) as opened:
-        data = opened.read(_MOST_HEAD)
-    if len(data) == _MOST_HEAD:
-        data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
-        if not data:
-            raise BadInput(f"{path}: not a table: its first line is longer than {_MOST_HEAD >> 20} MiB")
-    try:
-        with TextIOWrapper(BytesIO(data), encoding="utf-8-sig", newline="") as file:
-            line = file.readline()
-            separator = written.separator or max(SEPARATORS, key=lambda sign: len(_cells(line, sign)))
-            file.seek(0)
-            rows = list(islice(csv.reader(file, delimiter=separator), 2))
-    except UnicodeDecodeError:
-        raise BadInput(f"{path}: must be encoded in UTF-8") from None
-    header, first = (*rows, [], [])[:2]
-    return header, first, separator
+class _Source(NamedTuple):
+    """A file and how its rows are given to pyarrow: as they are, or from behind the head on and without comments."""
+
+    path: Path
+    head: Head
+    comments: int
+
+    @property
+    def plain(self) -> bool:
+        """True if pyarrow reads the file from its first byte on."""
+        return self.head.plain and not self.comments
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is told."""
+        return [f"{self.comments} lines that begin with # were left out"] if self.comments else []
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of all columns of a row."""
+        return self.head.names if self.plain else self.head.unique
+
+    @contextmanager
+    def opened(self) -> Iterator[Any]:
+        """Open what pyarrow reads."""
+        with arrow_file(self.path) as file:
+            if self.plain:
+                yield file
+                return
+            file.seek(min(self.head.begin, file.size()))
+            if not (self.comments or self.head.blanks):
+                yield file
+                return
+            data = _COMMENT.sub(b"", file.read()) if self.comments else file.read()
+            if self.head.blanks:
+                sign = re.escape(self.head.separator.encode())
+                blank = rb"[ \t]" if self.head.separator != "\t" else rb" "
+                data = re.sub(rb"(?m)" + blank + rb"*(" + sign + rb"|$)" + blank + rb"*", rb"\1", data)
+            yield pa.BufferReader(data)
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    return next(csv.reader([line], delimiter=separator), [])
+def _comments(path: Path, begin: int) -> int:
+    """Return how many lines from byte ``begin`` on are comments."""
+    count = 0
+    with open_regular(path, LARGEST_TABLE) as file:
+        file.seek(begin)
+        while part := file.read(_PART):
+            part += file.readline()
+            count += sum(1 for _ in _COMMENT.finditer(part)) if b"#" in part else 0
+    return count
 
 
 def _kind_of_time(cell: str | None) -> Any:
@@ -114,7 +146,7 @@ def _kind_of_time(cell: str | None) -> Any:
     return pa.time64("ns") if _OF_DAY.fullmatch(cell or "") else pa.float64()
 
 
-def _read(path: Path, columns: dict[str, Any], separator: str, decimal: str) -> Any:
+def _read(source: _Source, columns: dict[str, Any], separator: str, decimal: str) -> Any:
     parse = pyarrow.csv.ParseOptions(delimiter=separator)
     convert = pyarrow.csv.ConvertOptions(
         column_types=columns,
@@ -124,15 +156,22 @@ def _read(path: Path, columns: dict[str, Any], separator: str, decimal: str) -> 
         decimal_point=decimal,
     )
     try:
-        return _columns(path, pyarrow.csv.ReadOptions(), parse, convert)
+        return _columns(source, True, parse, convert)
     except pa.ArrowInvalid:  # one thread knows the number of the row
-        return _columns(path, pyarrow.csv.ReadOptions(use_threads=False), parse, convert)
+        return _columns(source, False, parse, convert)
 
 
-def _columns(path: Path, *options: Any) -> Any:
+def _columns(source: _Source, use_threads: bool, *options: Any) -> Any:
     """Return the table in a file that is opened here: its name need not be UTF-8."""
-    with arrow_file(path) as file:
-        return pyarrow.csv.read_csv(file, *options)
+    names = {} if source.plain else {"column_names": source.columns}
+    with source.opened() as file:
+        try:
+            return pyarrow.csv.read_csv(file, pyarrow.csv.ReadOptions(use_threads=use_threads, **names), *options)
+        except pa.ArrowInvalid as error:
+            if source.plain or "Empty CSV" not in str(error):
+                raise
+            empty: list[Any] = [pa.array([], kind) for kind in options[1].column_types.values()]
+            return pa.table(empty, list(options[1].column_types))
 
 
 @contextmanager
@@ -145,10 +184,11 @@ def arrow_file(path: Path) -> Iterator[pa.NativeFile]:
         yield file
 
 
-def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[int, str]:
+def _refusal(error: str, source: _Source, columns: dict[str, Any]) -> tuple[int, str]:
     """Return the row, from 1 below the header, at which pyarrow stopped, and why in the rig's words."""
+    above = 1 if source.plain else 0  # rows that pyarrow counts and we do not
     if (cell := _CELL.match(error)) is not None:
-        row, name = int(cell[2] or 1) - 1, header[int(cell[1])]
+        row, name = int(cell[2] or 1) - above, source.columns[int(cell[1])]
         value = re.search(r"'(.*)'", cell[3], re.DOTALL)
         got = quoted(value[1] if value else cell[3])
         if name in columns and columns[name] != pa.float64():
@@ -159,7 +199,7 @@ def _refusal(error: str, header: list[str], columns: dict[str, Any]) -> tuple[in
             f"separator, decimal, time_column and [mapping] of CONFIG: {CONFIG}"
         )
     if (count := _COUNT.match(error)) is not None:
-        row = int(count[1] or 1) - 1
+        row = int(count[1] or 1) - above
         return row, (
             f"row {row} has {count[3]} cells, the header {count[2]}; "
             f"a cut file, or another separator or decimal in CONFIG: {CONFIG}"

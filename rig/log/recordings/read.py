@@ -14,7 +14,7 @@ more than its sampling interval away.  Topics of a log of another system are ave
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from stat import S_ISDIR
@@ -35,6 +35,7 @@ from rig.log.recordings.doubts import out_of_range
 from rig.log.recordings.formats.contents import OpenLog
 from rig.log.recordings.formats.known import open_log
 from rig.log.recordings.join import joined, shortened, whole
+from rig.log.recordings.mapped import Place, fields_of, places
 from rig.log.recordings.own_logs import read_ours
 from rig.log.recordings.recording import Recording, assemble, with_discretes
 from rig.log.recordings.rollover import unrolled
@@ -49,6 +50,7 @@ from rig.log.recordings.source_times import (
     with_fields,
 )
 from rig.log.recordings.stamps import TIME, Floats, clock, gaps, strange_rate
+from rig.log.recordings.unit_row import stated
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 
 ENDINGS: Final = (*TABLES, ".mcap")
@@ -64,6 +66,8 @@ def load(
     default range.
     """
     recording = read(path, config, repair, log)
+    given = stated(str(path), recording.units, config)
+    recording, config = replace(recording, remarks=(*recording.remarks, *given.remarks)), config.with_units(given.units)
     settings = config.signals(recording.signals, source)
     if not recording.in_si:
         converted = {
@@ -90,7 +94,10 @@ def _read(path: Path, config: VoteConfig, repair: bool, log: OpenLog | None) -> 
     if config.time or (config.times and not folder and path.suffix != ".mcap"):
         _refuse_message_times(path, config, folder)
     if folder:
-        return _joined(path, config, *_folder(path, _wanted(path, config), config.tables, config.times), repair)
+        named = _places(path, config, lambda name: _is_file(path / name))
+        sources, remarks, units = _folder(path, fields_of(named), config.tables, config.times)
+        stated_of = {column: unit for column, place in named.items() if (unit := units.get(place))}
+        return replace(_joined(path, config, named, sources, remarks, repair), units=stated_of)
     if path.suffix not in ENDINGS:
         raise BadInput(f"{path}: unknown ending; allowed: {', '.join(ENDINGS)}, or a folder of tables")
     if path.suffix == ".mcap":
@@ -111,8 +118,9 @@ def _refuse_message_times(path: Path, config: VoteConfig, folder: bool) -> None:
 
 def _refuse_tables(path: Path, config: VoteConfig) -> None:
     """Raise BadInput for settings of tables, which messages do not have."""
-    numbers = TableFormat(config.time_column, config.time_unit) if config.message_times.given else TableFormat()
-    if config.tables != numbers._replace(time_column=config.time_column):
+    usual = TableFormat(config.time_column)
+    allowed = [usual, usual._replace(time_unit=config.time_unit if config.message_times.given else "s")]
+    if config.tables not in allowed:
         raise BadInput(
             f"{path}: time_unit, separator and decimal are those of tables; messages have their log time, "
             'or that of a field: time = "header.stamp"'
@@ -121,17 +129,21 @@ def _refuse_tables(path: Path, config: VoteConfig) -> None:
 
 def _messages(path: Path, config: VoteConfig, repair: bool) -> Recording:
     """Return the columns of the mapping in messages that are protobuf or JSON."""
-    times, remarks = config.message_times, list[str]()
-    found = foreign.read(path, with_fields(_wanted(path, config), times))
-    return _joined(path, config, by_fields(path, found, times, remarks), remarks, repair, times.given)
+    times, remarks, damage = config.message_times, list[str](), list[str]()
+    topics = foreign.topics(path, lenient=True)
+    named = _places(path, config, lambda name: name in topics or name.rpartition("#")[0] in topics)
+    found = foreign.read(path, with_fields(fields_of(named), times), damage)
+    made = _joined(path, config, named, by_fields(path, found, times, remarks), remarks, repair, times.given)
+    return replace(made, warnings=(*(f"{path}: {line}" for line in damage), *made.warnings))
 
 
 def _is_elsewhere(path: Path, log: OpenLog, config: VoteConfig) -> bool:
     """Return True if the mapping names topics of an MCAP file that are not of ROS 2."""
-    wanted = {place.rpartition(":")[0] for place in config.mapping.values()}
-    if path.suffix != ".mcap" or not wanted.isdisjoint(topic.name for topic in log.contents.topics):
+    if path.suffix != ".mcap" or not config.mapping:
         return False
-    return bool(wanted) and wanted <= foreign.topics(path).keys()
+    topics, own = foreign.topics(path, lenient=True), {topic.name for topic in log.contents.topics}
+    wanted = fields_of(_places(path, config, lambda name: name in topics or name in own)).keys()
+    return wanted.isdisjoint(own) and wanted <= topics.keys()
 
 
 def _is_folder(path: Path) -> bool:
@@ -142,12 +154,21 @@ def _is_folder(path: Path) -> bool:
             raise BadInput(f"{path}: no such file") from None
 
 
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
+
+
 def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recording:
     """Return the columns of the mapping in a log of another system, on the rows of one of its topics."""
     contents, sources, times = log.contents, dict[str, Source](), config.message_times
     if not config.mapping:
         raise BadInput(f"{path}: a {contents.format} log: CONFIG needs a [mapping]; rig vote --write makes one")
-    for name, fields in _wanted(path, config).items():
+    names = {topic.name for topic in contents.topics}
+    named = _places(path, config, names.__contains__)
+    for name, fields in fields_of(named).items():
         topic = contents.named(path, name)
         for field in sorted(fields - set(topic.units)):
             raise BadInput(f"{path}: topic {name!r} has no field {quoted(field)}; {choices(field, topic.units)}")
@@ -156,15 +177,14 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     sources = by_log_fields(path, sources, times, told := list[str]())
     clocks = {name: clock(f"{path}: {name}", source.time_s, repair, times.given) for name, source in sources.items()}
     signals: dict[str, list[str]] = {}
-    for channel, place in config.mapping.items():
-        signals.setdefault(channel.rpartition(".")[0].removesuffix(".ilm"), []).append(place.rpartition(":")[0])
+    for channel, place in named.items():
+        signals.setdefault(channel.rpartition(".")[0].removesuffix(".ilm"), []).append(place.source)
     rows, taken = joined(str(path), sources, clocks, signals)
 
     def column(name: str) -> Floats:
         if name == TIME:
             return rows.time_s
-        source, _, field = config.mapping[name].rpartition(":")
-        return taken(source, field)
+        return taken(*named[name])
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
@@ -175,17 +195,11 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     return replace(made, kept=rows.kept, repairs=repairs, remarks=remarks, warnings=(*damage, *warnings))
 
 
-def _wanted(path: Path, config: VoteConfig) -> dict[str, set[str]]:
-    """Return the fields of each source that the mapping names, the source of the rows first."""
+def _places(path: Path, config: VoteConfig, is_source: Callable[[str], bool]) -> dict[str, Place]:
+    """Return the place of each column that the mapping names."""
     if not config.mapping:
         raise BadInput(f"{path}: a folder: CONFIG needs a [mapping] of columns to its files")
-    wanted: dict[str, set[str]] = {}
-    for column, place in config.mapping.items():
-        source, colon, field = place.rpartition(":")
-        if not (source and colon and field):
-            raise BadInput(f"[mapping] {column}: must be '<source>:<field>', got {place!r}")
-        wanted.setdefault(source, set()).add(field)
-    return wanted
+    return places(config.mapping, is_source)
 
 
 def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
@@ -197,22 +211,23 @@ def _table(path: Path, config: VoteConfig, repair: bool) -> Recording:
         _must_have(path, table, name)
     if time not in table.names:
         return assemble(str(path), names, table.column)  # which refuses it
-    time_s, told = _unrolled(str(path), table, config)
+    time_s, _, told = _unrolled(table)
 
     def column(name: str) -> Floats:
         return time_s if name == TIME else table.column(names[name])
 
     made = assemble(str(path), [TIME, *names], column, repair, config.voting(path))
-    return replace(
-        made, remarks=(*table.remarks, *told), warnings=(*made.warnings, *strange_rate(str(path), made.time_s))
-    )
+    units = {name: unit for name in names if (unit := table.units.get(names[name]))}
+    remarks, warnings = (*table.remarks, *told), (*made.warnings, *strange_rate(str(path), made.time_s))
+    return replace(made, remarks=remarks, warnings=warnings, units=units)
 
 
-def _unrolled(source: str, table: Table, config: VoteConfig) -> tuple[Floats, list[str]]:
-    """Return the times of a table without roll-overs, and what is told of them."""
-    time_s, zero_ns = table.time_s()
-    tick_s = conversion(config.time_unit, "s").factor
-    return unrolled(source, time_s, tick_s, config.time_unit, (zero_ns or 0) / 1e9)
+def _unrolled(table: Table, zero_ns: int | None = None) -> tuple[Floats, int | None, list[str]]:
+    """Return the times of a table without roll-overs and their zero, as ``Table.time_s``, and what is told of them."""
+    time_s, zero_ns = table.time_s(zero_ns)
+    unit = "s" if zero_ns is not None else table.time_unit
+    time_s, told = unrolled(str(table.path), time_s, conversion(unit, "s").factor, unit, (zero_ns or 0) / 1e9)
+    return time_s, zero_ns, told
 
 
 def _must_have(path: Path, table: Table, name: str) -> None:
@@ -223,14 +238,15 @@ def _must_have(path: Path, table: Table, name: str) -> None:
 
 def _folder(
     path: Path, wanted: Mapping[str, set[str]], written: TableFormat, times: Mapping[str, str]
-) -> tuple[dict[str, Source], list[str]]:
-    """Return the sources in a folder, with time since the first row of the first, and what is told of them.
+) -> tuple[dict[str, Source], list[str], dict[Place, str]]:
+    """Return the sources in a folder, with time since the first row of the first, what is told, and rows of units.
 
     times : columns of time, by source, of those that are not called as in ``written``
     """
     sources: dict[str, Source] = {}
+    units: dict[Place, str] = {}
     remarks: list[str] = []
-    zero, tick_s = None, conversion(written.time_unit, "s").factor
+    zero = None
     for name, fields in wanted.items():
         time = times.get(name, written.time_column)
         file = path / name
@@ -241,18 +257,24 @@ def _folder(
         table = Table(file, {time, *fields}.__contains__, written._replace(time_column=time))
         for needed in (time, *sorted(fields)):
             _must_have(file, table, needed)
-        time_s, own_zero = table.time_s(zero)
+        time_s, own_zero, told = _unrolled(table, zero)
         if sources and (zero is None) != (own_zero is None):
             raise BadInput(f"{file}: {time} is a time of the calendar in one source and a number in another")
         zero = own_zero
-        time_s, told = unrolled(str(file), time_s, tick_s, written.time_unit, (zero or 0) / 1e9)
         sources[name] = Source(time_s, {field: table.column(field) for field in fields})
         remarks += [*table.remarks, *told]
-    return sources, remarks
+        units |= {Place(name, field): unit for field, unit in table.units.items()}
+    return sources, remarks, units
 
 
 def _joined(
-    path: Path, config: VoteConfig, sources: Mapping[str, Source], remarks: list[str], repair: bool, unit: bool = True
+    path: Path,
+    config: VoteConfig,
+    named: Mapping[str, Place],
+    sources: Mapping[str, Source],
+    remarks: list[str],
+    repair: bool,
+    unit: bool = True,
 ) -> Recording:
     """Return the columns of the mapping on the rows of the first source; unit : CONFIG may give that of time."""
     clocks = {name: clock(f"{path}: {name}", source.time_s, repair, unit) for name, source in sources.items()}
@@ -265,12 +287,12 @@ def _joined(
     def column(name: str) -> Floats:
         if name == TIME:
             return first.time_s
-        source, _, field = config.mapping[name].rpartition(":")
+        source, field = named[name]
         rows, near = nearest[source]
         return np.where(near, clocks[source].of(sources[source].fields[field])[rows], np.nan)
 
     repairs = tuple(own.repair for own in clocks.values() if own.repair is not None)
     warnings = [line for own in clocks.values() for line in gaps(own.source, own.time_s)]
     warnings += strange_rate(first.source, first.time_s, unit)
-    made = assemble(str(path), [TIME, *config.mapping], column, voting=config.voting(path))
+    made = assemble(str(path), [TIME, *named], column, voting=config.voting(path))
     return replace(made, kept=first.kept, repairs=repairs, remarks=tuple(remarks), warnings=tuple(warnings))

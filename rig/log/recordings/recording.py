@@ -69,6 +69,7 @@ class Recording:
     remarks: tuple[str, ...] = ()  # how the input was read, where that is not plain
     warnings: tuple[str, ...] = ()  # what makes it doubtful
     in_si: bool = False  # a file of the rig, whatever unit CONFIG names
+    units: Mapping[str, str] = field(default_factory=dict)  # of columns, by a row of units
 
     def row(self, k: int) -> int:
         """Return the row of the input, counted from 1, that became row ``k``, counted from 0."""

@@ -113,7 +113,18 @@ class VoteConfig(Settings):
     @property
     def tables(self) -> TableFormat:
         """Return how tables are written."""
-        return TableFormat(self.time_column, self.time_unit, self.separator, self.decimal)
+        given = self.time_unit if "time_unit" in self.model_fields_set else None
+        return TableFormat(self.time_column, given, self.separator, self.decimal)
+
+    def with_units(self, units: Mapping[str, str]) -> VoteConfig:
+        """Return the settings with the units of signals, by name, that give none."""
+        own = self.default or {}
+        new = {
+            name: {**self.signal.get(name, {}), "unit": unit}
+            for name, unit in units.items()
+            if "unit" not in {**own, **self.signal.get(name, {})} and (name in self.signal or self.default is not None)
+        }
+        return self.model_copy(update={"signal": {**self.signal, **new}}) if new else self
 
     def voting(self, path: Path) -> dict[str, list[int]]:
         """Return the recorded channels that vote, of the signals whose ``channels`` names them.  BadInput."""

@@ -16,7 +16,8 @@ from typing import Final
 from rig.core.errors import BadInput
 from rig.core.files import open_regular
 from rig.log import foreign
-from rig.log.mcap_messages import MESSAGE_LIMIT, Budget, messages, summary
+from rig.log.mcap_contents import messages, summary
+from rig.log.mcap_messages import MESSAGE_LIMIT, Budget
 
 SQLITE: Final = b"SQLite format 3"
 MCAP: Final = b"\x89MCAP0\r\n"
@@ -59,14 +60,15 @@ class Bag:
 
     def _of_mcap(self, file: Path, wanted: Container[str]) -> Iterator[Raw]:
         with foreign.opened(file) as opened:
-            contents = summary(opened)
+            contents = summary(opened, lenient=True)
             of = {c.id: (c, contents.schemas.get(c.schema_id)) for c in contents.channels.values()}
             cdr = {id: (c, s.name) for id, (c, s) in of.items() if s is not None and c.message_encoding == "cdr"}
             self.kinds.update({channel.topic: name for channel, name in cdr.values()})
             mine = {id: (channel.topic, name) for id, (channel, name) in cdr.items() if name in wanted}
-            budget = Budget(opened)
-            for message in messages(opened, contents, mine, budget):
+            damage: list[str] = []
+            for message in messages(opened, contents, mine, Budget(opened), damage):
                 yield Raw(*mine[message.channel], message.time_ns, message.data)
+            self.damage += [f"{file.name}: {line}" for line in damage]
 
     def _of_sqlite(self, file: Path, wanted: Container[str]) -> Iterator[Raw]:
         log = file.with_name(f"{file.name}-wal")
