@@ -77,6 +77,7 @@ def _view(options: ViewOptions) -> None:
 
     shown = _opened(options)
     data: dict[str, Any] = {"logs": [str(log) for log in options.logs], "frames": shown.frames}
+    count = f"{shown.frames} {shown.counted}"
     if options.serve:
         _serve(shown, data, options.as_json)
         return
@@ -93,11 +94,11 @@ def _view(options: ViewOptions) -> None:
     else:
         with opened.window(shown) as process, suppress(KeyboardInterrupt):
             data["seconds"] = perf_counter() - began
-            _emit(data, options.as_json, f"{data['frames']} frames; close the window, or Ctrl-C, to end")
+            _emit(data, options.as_json, f"{count}; close the window, or Ctrl-C, to end")
             process.wait()
         return
     data["seconds"] = perf_counter() - began
-    _emit(data, options.as_json, f"{data['frames']} frames in {data['seconds']:.1f} s: {where}")
+    _emit(data, options.as_json, f"{count} in {data['seconds']:.1f} s: {where}")
 
 
 def _opened(options: ViewOptions) -> Contents:

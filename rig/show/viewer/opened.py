@@ -34,6 +34,8 @@ class Contents(Protocol):
     @property
     def frames(self) -> int: ...  # noqa: D102
     @property
+    def counted(self) -> str: ...  # noqa: D102
+    @property
     def moment_s(self) -> float: ...  # noqa: D102
     @property
     def room(self) -> int: ...  # noqa: D102
@@ -51,6 +53,11 @@ class Opened:
     def frames(self) -> int:
         """Number of frames of all logs."""
         return sum(len(log.rows) for log in self.logs)
+
+    @property
+    def counted(self) -> str:
+        """What ``frames`` counts."""
+        return "frames"
 
     @property
     def moment_s(self) -> float:

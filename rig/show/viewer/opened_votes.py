@@ -33,6 +33,11 @@ class OpenedVotes:
         return len(self.signals[0].time_s)
 
     @property
+    def counted(self) -> str:
+        """What ``frames`` counts."""
+        return "rows"
+
+    @property
     def moment_s(self) -> float:
         """The initial time of the cursor: the first isolation, or the end."""
         shown = main(self.signals)
