@@ -27,7 +27,7 @@ BATCH: Final = 6000  # frames per batch
 
 
 class Contents(Protocol):
-    """What the viewer opens: flights, or votes on a recording."""
+    """Contents of the viewer: flights, or votes on a recording."""
 
     @property
     def about(self) -> About: ...  # noqa: D102
@@ -56,7 +56,7 @@ class Opened:
 
     @property
     def counted(self) -> str:
-        """What ``frames`` counts."""
+        """The name of the things in ``frames``."""
         return "frames"
 
     @property

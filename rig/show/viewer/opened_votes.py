@@ -22,7 +22,7 @@ NO_CHANNELS: Final = "a table has no channels: rig vote --out FILE.mcap keeps th
 
 @dataclass(frozen=True, slots=True)
 class OpenedVotes:
-    """Voted signals, and what the viewer says of them."""
+    """Voted signals, and their text and layout in the viewer."""
 
     signals: Sequence[ShownSignal]
     about: About
@@ -34,7 +34,7 @@ class OpenedVotes:
 
     @property
     def counted(self) -> str:
-        """What ``frames`` counts."""
+        """The name of the things in ``frames``."""
         return "rows"
 
     @property

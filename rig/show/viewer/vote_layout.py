@@ -36,7 +36,7 @@ _LEAST_ROWS: Final = 30
 
 
 def main(signals: Sequence[ShownSignal]) -> ShownSignal:
-    """Return the signal of the overview: the first to be isolated, else the first that was suspect, else the first."""
+    """Return the signal of the overview: that of the first isolation; if none, of the first suspect; if none, the first."""
     isolated = [shown for shown in signals if shown.isolations]
     if isolated:
         return min(isolated, key=lambda shown: shown.isolations[0].time_s)

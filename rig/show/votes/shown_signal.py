@@ -57,7 +57,7 @@ class ShownSignal:
 
     @property
     def measure(self) -> str:
-        """What ``apart`` is measured in."""
+        """The unit of ``apart``."""
         return "thresholds" if self.threshold is not None else self.unit or "SI unit"
 
     def apart(self, c: int) -> Array:

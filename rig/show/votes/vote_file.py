@@ -49,7 +49,7 @@ def read_votes(path: Path) -> list[ShownSignal]:
 def is_votes(path: Path) -> bool:
     """Return True for a table, and for an MCAP file with votes that is no log of a flight.  BadLog: it cannot be read.
 
-    Any other file is taken for the log of a flight, which says more of what it is.
+    Any other file is read as the log of a flight, whose refusal has the reason.
     """
     if path.suffix in TABLES:
         return True
