@@ -36,7 +36,7 @@ _LEAST_ROWS: Final = 30
 
 
 def main(signals: Sequence[ShownSignal]) -> ShownSignal:
-    """Return the signal of the overview: that of the first isolation; if none, of the first suspect; if none, the first."""
+    """Return the signal of the overview: that of the first isolation, or with a suspect channel, or the first."""
     isolated = [shown for shown in signals if shown.isolations]
     if isolated:
         return min(isolated, key=lambda shown: shown.isolations[0].time_s)
