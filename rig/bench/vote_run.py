@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import polars as pl
 
@@ -14,6 +14,7 @@ from rig.bench.inject import inject
 from rig.bench.injection_score import score
 from rig.bench.injection_score import summary as scores
 from rig.bench.rows_of_recording import blocks, put
+from rig.bench.shown_votes import shown_votes
 from rig.bench.vote_rows import (
     Result,
     discrete_params,
@@ -46,6 +47,9 @@ from rig.verdict.requirements.along import plain
 from rig.verdict.requirements.requirement import Requirement, load_requirements
 from rig.verdict.requirements.requirement_recorder import RequirementsRecorder, Verdict
 from rig.verdict.requirements.subject import Subject, Watched, of_recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +115,17 @@ class Votes(NamedTuple):
     def to_polars(self) -> pl.DataFrame:
         """Return a table with a row for each recorded row and the columns of the output of ``rig vote``."""
         return table(self.recording, self.voted)
+
+    def plot(self, signal: str | None = None) -> Figure:
+        """Return a figure of channels, vote and each channel minus the vote in thresholds; time since the first row.
+
+        signal : signal or discrete; None: all, a row of the figure each
+        A long recording is drawn by its extremes.  BadInput: unknown signal.
+        """
+        from rig.show.notebook.vote_plot import figure_of
+        from rig.show.votes.shown_signal import chosen
+
+        return figure_of(chosen(shown_votes(self.recording, self.voted), signal))
 
     def __repr__(self) -> str:
         """Return one line: rows, signals, isolated channels at the end, long suspect ones, open splits."""

@@ -1,4 +1,4 @@
-"""``rig view`` and ``rig watch``: flights in Rerun, and in the terminal."""
+"""``rig view`` and ``rig watch``: flights and votes in Rerun, and flights in the terminal."""
 
 from __future__ import annotations
 
@@ -22,13 +22,17 @@ from rig.core.text import plain
 
 if TYPE_CHECKING:
     from rig.log import Log
+    from rig.show.viewer.opened import Contents
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
     """The options of ``rig view``."""
 
-    logs: Annotated[list[Path], arg("LOG...", "Logs. Several are drawn over each other.")]
+    logs: Annotated[
+        list[Path],
+        arg("LOG...", "Logs of flights, drawn over each other; or one output of rig vote, or one recording."),
+    ]
     save: Annotated[Path | None, opt("FILE.rrd", "File for a recording with the layout.")] = None
     serve: Annotated[bool, flag("--serve", "Serve to a browser on this machine until Ctrl-C.")] = False
     screenshot: Annotated[Path | None, opt("FILE.png", "File for a picture, 1920 x 1080. Needs no display.")] = None
@@ -37,19 +41,26 @@ class ViewOptions:
     ] = None
     tab: Annotated[str, opt("NAME", "Tab that is shown first.", autocompletion=complete.tabs)] = "overview"
     requirements: Requirements = None
+    config: Annotated[
+        Path | None, opt("FILE", "Configuration with which the recording is voted first, TOML, as for rig vote.")
+    ] = None
+    preset: Annotated[
+        str | None,
+        opt("NAME", "Preset with which the log of another system is voted first.", show_default="by its format"),
+    ] = None
     map_tiles: Annotated[bool, flag("--map", "Show a map. The viewer loads its tiles from OpenStreetMap.")] = False
     as_json: Json = False
 
 
 @takes_options
 def view(options: ViewOptions) -> None:
-    """Show flights in Rerun: in a window, or by --save, --serve or --screenshot."""
+    """Show flights or votes in Rerun: in a window, or by --save, --serve or --screenshot."""
     save, screenshot = options.save, options.screenshot
     if sum((save is not None, options.serve, screenshot is not None)) > 1:
         raise BadInput("--save, --serve, --screenshot: only one of them at a time")
     if options.time_s is not None and screenshot is None:
         raise BadInput("--time: needs --screenshot")
-    require_apart({"--save": save, "--screenshot": screenshot}, options.logs)
+    require_apart({"--save": save, "--screenshot": screenshot}, [*options.logs, options.config])
     if save is None and not options.serve and screenshot is None:
         _require_display()
     gc.disable()  # which saves 0.15 s of opening ten minutes
@@ -63,34 +74,50 @@ def _view(options: ViewOptions) -> None:
     """Read the logs, and show, serve or write them."""
     began = perf_counter()
     from rig.show.viewer import opened
+
+    shown = _opened(options)
+    data: dict[str, Any] = {"logs": [str(log) for log in options.logs], "frames": shown.frames}
+    count = f"{shown.frames} {shown.counted}"
+    if options.serve:
+        _serve(shown, data, options.as_json)
+        return
+    if options.save is not None:
+        opened.save(shown, options.save)
+        data["saved"] = str(options.save)
+        where = f"{options.save}; open it with: rerun {options.save}"
+    elif options.screenshot is not None:
+        from rig.show.viewer.screenshot import screenshot as shoot
+
+        shot = shoot(shown, options.screenshot, options.time_s)
+        data |= {"picture": str(options.screenshot), "views": list(shot.views), "complaints": list(shot.complaints)}
+        where = f"{options.screenshot}"
+    else:
+        with opened.window(shown) as process, suppress(KeyboardInterrupt):
+            data["seconds"] = perf_counter() - began
+            _emit(data, options.as_json, f"{count}; close the window, or Ctrl-C, to end")
+            process.wait()
+        return
+    data["seconds"] = perf_counter() - began
+    _emit(data, options.as_json, f"{count} in {data['seconds']:.1f} s: {where}")
+
+
+def _opened(options: ViewOptions) -> Contents:
+    """Read the logs of flights, with their violations, or the votes on a recording."""
+    from rig.cli.view_votes import are_votes, opened_votes
+
+    if are_votes(options.logs, options.config, options.preset):
+        given = {"--requirements": options.requirements, "--map": options.map_tiles}
+        for name in (name for name, value in given.items() if value):
+            raise BadInput(f"{options.logs[0]}: {name} is for logs of flights, not for votes on a recording")
+        return opened_votes(options.logs, options.config, options.preset, options.tab)
+    from rig.show.viewer import opened
     from rig.show.viewer.blueprint import require_tab
 
     require_tab(options.tab)
     flights = opened.read(options.logs, options.tab, options.map_tiles)
     for path, log in zip(options.logs, flights.logs, strict=True):
         _add_violations(path, log, options.requirements or [])
-    data: dict[str, Any] = {"logs": [str(log) for log in options.logs], "frames": flights.frames}
-    if options.serve:
-        _serve(flights, data, options.as_json)
-        return
-    if options.save is not None:
-        opened.save(flights, options.save)
-        data["saved"] = str(options.save)
-        where = f"{options.save}; open it with: rerun {options.save}"
-    elif options.screenshot is not None:
-        from rig.show.viewer.screenshot import screenshot as shoot
-
-        shot = shoot(flights, options.screenshot, options.time_s)
-        data |= {"picture": str(options.screenshot), "views": list(shot.views), "complaints": list(shot.complaints)}
-        where = f"{options.screenshot}"
-    else:
-        with opened.window(flights) as process, suppress(KeyboardInterrupt):
-            data["seconds"] = perf_counter() - began
-            _emit(data, options.as_json, f"{data['frames']} frames; close the window, or Ctrl-C, to end")
-            process.wait()
-        return
-    data["seconds"] = perf_counter() - began
-    _emit(data, options.as_json, f"{data['frames']} frames in {data['seconds']:.1f} s: {where}")
+    return flights
 
 
 def _add_violations(path: Path, log: Log, names: list[str]) -> None:
@@ -123,7 +150,7 @@ def _require_display() -> None:
         raise BadInput(f"{error}; use --serve, --save or --screenshot") from None
 
 
-def _serve(flights: Any, data: dict[str, Any], as_json: bool) -> None:
+def _serve(shown: Any, data: dict[str, Any], as_json: bool) -> None:
     """Serve until Ctrl-C or a request to end."""
     from rig.core.interrupt import TERMINATIONS
     from rig.show.viewer.opened import serve
@@ -133,7 +160,7 @@ def _serve(flights: Any, data: dict[str, Any], as_json: bool) -> None:
         for number in TERMINATIONS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, lambda *_: over.set())
-    sink = serve(flights)
+    sink = serve(shown)
     try:
         data |= {"browser": sink.browser, "address": sink.where, "seconds": perf_counter() - began}
         _emit(data, as_json, f"watch at {sink.browser}; Ctrl-C ends it")

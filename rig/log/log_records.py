@@ -244,8 +244,8 @@ class Descriptions:
         """Say what a file without the metadata of a flight is, and what reads it."""
         if any(schema.name in _VOTED for schema in self._schemas.values()):
             return (
-                "an output of rig vote, no log of a flight: rig diff compares it, rig vote votes on its channels "
-                "again; for a plot, rig vote --out FILE.csv or .parquet writes a table"
+                "an output of rig vote, no log of a flight: rig view shows it, rig diff compares it, rig vote votes on "
+                "its channels again; rig vote --out FILE.csv or .parquet writes a table"
             )
         return f"not a log of this rig (no metadata record {RIG!r})"
 

@@ -43,6 +43,7 @@ class Reader:
 RATES, CHAIN, HANDLING, SUITE = "rates.toml", "chain.toml", "handling.toml", "suite.toml"
 _FLY, _VOTE = "--out logs", "--config vote.toml --out o.csv"
 _OTHER_LOGS: Final = ("flight.ulg", "flight.bin")
+_VOTES: Final = ("votes.csv", "votes.parquet", "votes.mcap")
 _CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
 _CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # of the campaign `reliability`
 _SCENARIO: Final = "everything.toml"
@@ -220,7 +221,12 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     ),
     "unit check file": (_unit("unit check X"),),
     "view --requirements": (_requirements("view log.mcap --save v.rrd --requirements X", "log.mcap"),),
-    "view logs": (_log("view X --save v.rrd"), _log("view log.mcap X --save v.rrd", "log.mcap")),
+    "view --config": (Reader("view in.csv --config X --save v.rrd", "vote.toml", ("in.csv",)),),
+    "view logs": (
+        *(_log("view X --save v.rrd"), _log("view log.mcap X --save v.rrd", "log.mcap")),
+        *_tables("view X --config vote.toml --save v.rrd", "vote.toml"),
+        *(Reader("view X --save v.rrd", sound) for sound in (*_OTHER_LOGS, *_VOTES)),
+    ),
     "vote --config": (Reader("vote in.csv --config X --out o.csv", "vote.toml", ("in.csv",)),),
     "vote --inject": (Reader(f"vote in.csv {_VOTE} --inject X", _SCENARIO, ("in.csv", "vote.toml")),),
     "vote --requirements": (

@@ -109,6 +109,8 @@ class Store:
         for ending in ("csv", "parquet"):
             names = "pitch_rate,heading,roll_angle"
             self._rig("export", "log.mcap", "--to", ending, "--for-vote", "--signals", names, "--out", f"in.{ending}")
+            self._rig("vote", "in.csv", "--config", "vote.toml", "--out", f"votes.{ending}")
+        self._rig("vote", "in.csv", "--config", "vote.toml", "--out", "votes.mcap")
         self._fork(_foreign)
         self._rig("campaign", "run", "campaign.toml", "--out", "camp", "--logs", "all", "--json")
         self._rig("campaign", "run", "reliability", "--out", "cells", "--runs", "2", "--workers", "1", "--json")

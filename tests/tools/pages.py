@@ -68,10 +68,13 @@ EXCEPTIONS: Final = {
     "rig search worst-pitch-rate": "300 flights, tests/test_cli_search.py",
     "rig view": "a window or a picture, tests/test_view_*.py",
 }
+# Pages with files of others, and the folder that has them.
+DATA: Final = {"docs/how-to/which-sensor-was-wrong.md": ROOT / "../shared/data/px4_logs"}
 # Pages whose code is not run, and why.
-NOT_RUN: Final[dict[str, str]] = (
-    {} if outside.betaflight() else {"docs/how-to/stock-autopilots.md": "needs Betaflight's firmware: make test-all"}
-)
+NOT_RUN: Final[dict[str, str]] = {
+    **({} if outside.betaflight() else {"docs/how-to/stock-autopilots.md": "needs the firmware: make test-all"}),
+    **{page: "needs logs that are not here" for page, folder in DATA.items() if not folder.is_dir()},
+}
 # Pages that take more than 20 s, and why: their tests are marked long.
 LONG: Final = {
     "docs/tutorials/safety-case.md": "1308 flights",
@@ -319,6 +322,8 @@ def run(page: str, *, fill: bool = False, text: str | None = None) -> tuple[str,
     lines, wrong, space = text.splitlines(), list[str](), dict[str, Any]({"__name__": "page"})
     changes: list[tuple[int, int, list[str]]] = []
     with folder() as place, page_pictures.style(".plot(" in text or "savefig" in text):
+        for file in DATA[page].iterdir() if page in DATA else ():
+            (place / file.name).symlink_to(file.resolve())
         for step in steps(text):
             where = f"{page}:{step.line}: {step.code.splitlines()[0] if step.code.strip() else step.kind}"
             try:

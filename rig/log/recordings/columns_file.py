@@ -50,6 +50,10 @@ class Table:
                 raise BadInput(f"{self.path}: column {name!r} must contain numbers, got {column.type}") from None
         return np.ascontiguousarray(column.to_numpy())
 
+    def arrow(self, name: str) -> Any:
+        """Return the column ``name`` as it was read, an array of Arrow in chunks."""
+        return self._table.column(name)
+
     def time_s(self, zero_ns: int | None = None) -> tuple[Floats, int | None]:
         """Return the column of time, s, and of a time of the calendar its zero: ``zero_ns``, or its first row."""
         name = self.written.time_column

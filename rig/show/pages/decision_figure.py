@@ -14,7 +14,7 @@ from rig.core.palette import CHANNELS, DASHES, INK, REFERENCE, TRUTH, faint
 from rig.core.runs import runs_where
 from rig.show.pages.course import Limit, Moment
 from rig.show.pages.flight_figures import DOTTED, Look, draw, draw_line, reference, shade
-from rig.show.pages.lines import Array, line
+from rig.show.pages.lines import Array, deviation_axis, line, squeezed
 from rig.show.pages.page import lay_out
 from rig.show.viewer.series import Series, series
 from rig.verdict.patterns import SPLITS
@@ -22,7 +22,6 @@ from rig.verdict.patterns import SPLITS
 _BAND: Final = faint(INK, 0.1)
 _HEIGHT: Final = 500
 _COUNTS: Final = 0.24  # of the height
-_TICKS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # thresholds; beyond, the decades
 _LABELLED: Final = 3.0  # thresholds: a channel that went further has its peak in the picture
 _CHANNEL: Final = "channel minus voted value"
 _OTHER: Final = "also minus voted value"
@@ -59,34 +58,12 @@ def of_moment(
     _note(figure, unit_text, x=1.0, y=-1.0, yref="y", xanchor="right", yanchor="top")
     reach = float(np.nanmax(np.abs(deviations), initial=1.0, where=np.isfinite(deviations)))
     lay_out(figure, f"{moment.signal}: deviation from the voted value", _HEIGHT)
-    figure.update_yaxes(title=f"{limit.name}s", **_axis(reach))
+    figure.update_yaxes(title=f"{limit.name}s", **deviation_axis(reach))
     figure.update_xaxes(title="time, s", range=[float(shown.time_s[0]), float(shown.time_s[-1])])
     _counts(figure, rows, shown.time_s, INDEX[moment.signal], waits)
     _marks(figure, rows, rate_hz, moment, acts)
     figure.update_layout(meta={"alternative": _alternative(moment, rate_hz, limit, list(peaks(shown, deviations)))})
     return figure
-
-
-def squeezed(values: Array) -> Array:
-    """Return deviations as the axis has them: linear up to one threshold, logarithmic beyond."""
-    size = np.abs(values)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(size <= 1.0, values, np.sign(values) * (1.0 + np.log10(np.maximum(size, 1.0))))
-
-
-def _axis(reach: float) -> dict[str, Any]:
-    """Return ticks and range of the deviations, for the largest of them."""
-    decades = [10.0**k for k in range(2, 1 + max(2, int(np.log10(max(reach, 1.0))) + 1))]
-    sizes = [size for size in ((1.0, 10.0) if reach > 60.0 else _TICKS) if size <= max(reach, 2.0)]
-    sizes += [size for size in decades if size <= reach]
-    ticks = [*(-size for size in reversed(sizes)), 0.0, *sizes]
-    end = 1.25 * float(squeezed(np.array([max(reach, 1.6)]))[0])  # with room for the marks
-    return {
-        "tickvals": squeezed(np.array(ticks)).tolist(),
-        "ticktext": [f"{tick:g}" for tick in ticks],
-        "range": [-end, end],
-        "zeroline": False,
-    }
 
 
 def _deviation(figure: go.Figure, time_s: Array, values: Array, name: str, look: Look, heading: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import degrees
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from rig.core.units.angles import near
 from rig.show.viewer.series import Series, limits, series
 
 Array = NDArray[np.float64]
+_TICKS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # of deviations, thresholds; beyond, the decades
 MOST_POINTS: Final = 2000  # of one line; beyond that the smallest and largest of each part are drawn
 
 
@@ -91,3 +92,25 @@ def of_surface(flight: Table, rate_hz: float, i: int) -> SurfaceLines:
     position = flight["flight"][:, FLIGHT_INDEX[SURFACES[i]]]
     lines = [line(time_s, values * scale) for values in (command, actuated, position)]
     return SurfaceLines(*lines, changed=not np.array_equal(command, actuated, equal_nan=True))
+
+
+def squeezed(values: Array) -> Array:
+    """Return deviations as the axis has them: linear up to one threshold, logarithmic beyond."""
+    size = np.abs(values)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(size <= 1.0, values, np.sign(values) * (1.0 + np.log10(np.maximum(size, 1.0))))
+
+
+def deviation_axis(reach: float) -> dict[str, Any]:
+    """Return ticks and range of an axis of ``squeezed`` deviations, for the largest of them."""
+    decades = [10.0**k for k in range(2, 1 + max(2, int(np.log10(max(reach, 1.0))) + 1))]
+    sizes = [size for size in ((1.0, 10.0) if reach > 60.0 else _TICKS) if size <= max(reach, 2.0)]
+    sizes += [size for size in decades if size <= reach]
+    ticks = [*(-size for size in reversed(sizes)), 0.0, *sizes]
+    end = 1.25 * float(squeezed(np.array([max(reach, 1.6)]))[0])  # with room for the marks
+    return {
+        "tickvals": squeezed(np.array(ticks)).tolist(),
+        "ticktext": [f"{tick:g}" for tick in ticks],
+        "range": [-end, end],
+        "zeroline": False,
+    }

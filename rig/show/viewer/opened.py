@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from rig.core.ending import ending
 from rig.core.errors import BadInput, BadLog, RigError
@@ -20,11 +20,26 @@ from rig.core.text import plain
 from rig.log import Log, read_log, scenario_of
 from rig.show.viewer import viewer
 from rig.show.viewer.facts import TAGS, Layout, of_log, together
-from rig.show.viewer.sink import SERVER_MEMORY, About, Sink, open_sink
+from rig.show.viewer.sink import FLUSH_S, SERVER_MEMORY, About, Sink, open_sink
 from rig.show.viewer.story import look
 
 BATCH: Final = 6000  # frames per batch
-FLUSH_S: Final = 60.0
+
+
+class Contents(Protocol):
+    """Contents of the viewer: flights, or votes on a recording."""
+
+    @property
+    def about(self) -> About: ...  # noqa: D102
+    @property
+    def frames(self) -> int: ...  # noqa: D102
+    @property
+    def counted(self) -> str: ...  # noqa: D102
+    @property
+    def moment_s(self) -> float: ...  # noqa: D102
+    @property
+    def room(self) -> int: ...  # noqa: D102
+    def send(self, sink: Sink) -> None: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +55,11 @@ class Opened:
         return sum(len(log.rows) for log in self.logs)
 
     @property
+    def counted(self) -> str:
+        """The name of the things in ``frames``."""
+        return "frames"
+
+    @property
     def moment_s(self) -> float:
         """The initial time of the cursor: the isolation of the decisive fault, or the last event, or the end."""
         log, seen = self.logs[-1], self.about.layout.shown[-1].facts.seen
@@ -47,6 +67,23 @@ class Opened:
             return seen.isolated_s
         frame = log.events[-1].frame if log.events else int(log.rows["frame"][-1])
         return frame / log.rate_hz
+
+    @property
+    def room(self) -> int:
+        """Bytes of the frames of all logs."""
+        return sum(log.rows.nbytes for log in self.logs)
+
+    def send(self, sink: Sink) -> None:
+        """Send all frames and events, and wait until they are written or transmitted."""
+        sink.begin()
+        longest_s = max(len(log.rows) / log.rate_hz for log in self.logs)
+        for flight, log in enumerate(self.logs):
+            for first in range(0, len(log.rows), BATCH):
+                part, events = slice(first, first + BATCH), log.events if first == 0 else ()
+                sink.send(log.table[part], log.rate_hz, events, flight)
+            if len(log.rows) / log.rate_hz < longest_s:
+                sink.end(flight)
+        sink.flush(FLUSH_S)
 
 
 def read(paths: Sequence[Path], tab: str = "overview", map_tiles: bool = False) -> Opened:
@@ -98,43 +135,30 @@ def _words(name: str, log: Log) -> str:
     return f"**{name}** " + "; ".join(filter(None, parts))
 
 
-def send(opened: Opened, sink: Sink) -> None:
-    """Send all frames and events, and wait until they are written or transmitted."""
-    sink.begin()
-    longest_s = max(len(log.rows) / log.rate_hz for log in opened.logs)
-    for flight, log in enumerate(opened.logs):
-        for first in range(0, len(log.rows), BATCH):
-            part, events = slice(first, first + BATCH), log.events if first == 0 else ()
-            sink.send(log.table[part], log.rate_hz, events, flight)
-        if len(log.rows) / log.rate_hz < longest_s:
-            sink.end(flight)
-    sink.flush(FLUSH_S)
-
-
-def save(opened: Opened, rrd: Path) -> None:
+def save(opened: Contents, rrd: Path) -> None:
     """Write ``rrd``, with the layout in it; BadInput: it cannot be opened; RigError: disk error."""
     if rrd.suffix != ".rrd":
         raise BadInput(f"{rrd}: must end in .rrd")
     with replaced(rrd) as part, reported(rrd):
         sink = open_sink("save", opened.about, part)
         try:
-            send(opened, sink)
+            opened.send(sink)
         except RuntimeError as error:  # by Rerun
             raise RigError(f"{rrd}: cannot be written: {error}") from None
         finally:
             sink.close()
 
 
-def serve(opened: Opened) -> Sink:
+def serve(opened: Contents) -> Sink:
     """Serve the flights to viewers on this machine until the sink is closed; its ``browser`` is the address to open."""
-    room = max(int(SERVER_MEMORY.removesuffix("MB")), 4 * sum(log.rows.nbytes for log in opened.logs) // 1_000_000)
+    room = max(int(SERVER_MEMORY.removesuffix("MB")), 4 * opened.room // 1_000_000)
     sink = open_sink("serve", opened.about, Path(), f"{room}MB")
-    send(opened, sink)
+    opened.send(sink)
     return sink
 
 
 @contextmanager
-def as_file(opened: Opened) -> Iterator[Path]:
+def as_file(opened: Contents) -> Iterator[Path]:
     """Write a temporary .rrd of the flights: a viewer loads a file much faster than a stream."""
     with tempfile.TemporaryDirectory(prefix="rig-view-") as folder:
         rrd = Path(folder) / "flights.rrd"
@@ -143,7 +167,7 @@ def as_file(opened: Opened) -> Iterator[Path]:
 
 
 @contextmanager
-def window(opened: Opened, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+def window(opened: Contents, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     """Open a viewer's window with the flights, closed at the end.  ``arguments`` are for the viewer program.
 
     The viewer starts while the file is written.  RigError: the viewer did not open the file.

@@ -124,9 +124,9 @@ class Columns:
         for topic in TOPICS_OF_ROWS:
             components = [_message(topic.message, struct(rows, topic))]
             if topic.message == "rig.Signal" and topic.item is not None:
-                components.append(_values(derived.VALUES, values[topic.item]))
+                components.append(values_of(derived.VALUES, values[topic.item]))
             if topic.message == "rig.Control":
-                components.append(_values(derived.DEGREES, derived.degrees(rows)))
+                components.append(values_of(derived.DEGREES, derived.degrees(rows)))
             self._columns(topic.name, time, [column for component in components for column in component])
         for change in strips.changes(rows, self._before, self._facts.faults):
             states = rr.StateChange.columns(state=change.states)
@@ -148,7 +148,7 @@ class Columns:
         if self._last is None:
             rr.log(of.legend, matrix.strip(of.legend_lines), static=True, recording=self._recording)
         for entity in of.entities(table):
-            components = [*_values(entity.archetype, entity.values.astype(np.float32))]
+            components = [*values_of(entity.archetype, entity.values.astype(np.float32))]
             if entity.topic is not None:
                 components += _message(entity.topic.message, struct(table.part(of.part), entity.topic))
             self._columns(entity.path, [time_column(nanoseconds)], components)
@@ -197,7 +197,7 @@ def _message(archetype: str, structs: pa.StructArray) -> rr.ComponentColumnList:
     return rr.DynamicArchetype.columns(archetype=archetype, components={"message": structs})
 
 
-def _values(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
+def values_of(archetype: str, values: NDArray[Any]) -> rr.ComponentColumnList:
     """Return one list per row, from ``values`` (n, m), as the component <archetype>:values."""
     flat = pa.array(np.ascontiguousarray(values).ravel())
     columns = rr.DynamicArchetype.columns(archetype=archetype, components={"values": flat})

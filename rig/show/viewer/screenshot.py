@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 from rig.core.errors import BadInput, RigError
 from rig.core.files import replaced
 from rig.show.viewer import viewer
-from rig.show.viewer.opened import Opened, as_file
+from rig.show.viewer.opened import Contents, as_file
 from rig.show.viewer.scene import TIMELINE
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Shot:
     complaints: tuple[str, ...]  # warnings and errors of the views
 
 
-def screenshot(opened: Opened, png: Path, time_s: float | None = None) -> Shot:
+def screenshot(opened: Contents, png: Path, time_s: float | None = None) -> Shot:
     """Show ``opened`` at ``time_s`` (if None, at its moment) and write the picture to ``png``, 1920 x 1080.
 
     BadInput: ``png`` cannot be written.  RigError: the viewer does not start (no Vulkan driver?) or load.

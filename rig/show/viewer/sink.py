@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 APPLICATION: Final = "jsbsim-rig"  # the viewer keeps one layout per application
 GRPC_PORT: Final = 9876  # Rerun's own default ports, when they are free
 WEB_PORT: Final = 9090
+FLUSH_S: Final = 60.0  # longest wait until a file is written
 SERVER_MEMORY: Final = "512MB"  # kept for viewers that connect late; the oldest data are dropped first
 WORDS: Final = ("off", "save", "serve", "spawn")
 DESCRIPTORS: Final = Path("/dev/fd")  # names of pipes; not on Windows
@@ -49,11 +50,15 @@ def check_where(where: str) -> None:
 
 
 class About(NamedTuple):
-    """The content of the viewer: its title, its flights in words (Markdown), its layout."""
+    """The content of the viewer: its title, its flights in words (Markdown), its layout.
+
+    blueprint : makes the layout of what is no flight; None: that of ``layout``
+    """
 
     title: str
     text: str = ""
     layout: Layout = Layout()
+    blueprint: Callable[[], rrb.Blueprint] | None = None
 
 
 class Sink:
@@ -81,6 +86,11 @@ class Sink:
         [*_, top] = about.layout.shown
         self._live = top.facts if top.facts.seen is None else None  # of a flight in progress
         self._story: Story | None = None
+
+    @property
+    def recording(self) -> rr.RecordingStream:
+        """The recording; the caller sends what is no flight."""
+        return self._recording
 
     def begin(self) -> None:
         """Connect and send the static data; may block for ever, as may send and flush."""
@@ -145,7 +155,8 @@ def open_sink(where: str, about: About, out_path: Path, server_memory: str = SER
 
     from rig.show.viewer.blueprint import blueprint
 
-    recording, layout = rr.RecordingStream(APPLICATION), blueprint(about.layout)
+    recording = rr.RecordingStream(APPLICATION)
+    layout = blueprint(about.layout) if about.blueprint is None else about.blueprint()
     if where == "save":
         return _save(recording, layout, out_path, about)
     if where == "serve":
