@@ -1,0 +1,90 @@
+"""What instances differ by from the first row on, and the difference from where on a fault can be told.
+
+Threshold: max(floor, 8 sigma), sigma of the healthy difference of half-second means, from the 80 % quantile of its
+changes, so that a fault in a fifth of the log does not raise it.  Motion raises the difference that counts: a gain
+that differs by 5 %, or 3 degrees of misalignment, is no fault.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from rig.bench.diagnose.findings import Convention, Findings
+from rig.bench.diagnose.sensor_groups import Group
+from rig.bench.diagnose.smoothing import smoothed
+from rig.log.recordings.stamps import Floats
+
+SIGMAS: Final = 8.0
+_QUANTILE: Final = 0.8
+_OF_CHANGES: Final = 1.81  # that quantile of the change between two normal values, in their sigmas
+_TOLD: Final = 2.0  # floors
+_OF_MOTION: Final = {"scalar": 0.02}  # gain that may differ; of vectors 0.05
+_LATE_S: Final = 0.03  # a delay that may be left
+
+
+class Levels(NamedTuple):
+    """Thresholds (axes,) and what motion adds to them (n,); the smallest difference that could be told (axes,)."""
+
+    thresholds: Floats
+    allowed: Floats
+    smallest: Floats
+
+
+def center(x: Floats) -> Floats:
+    """Return the middle (..., n) of the channels of x (..., C, n); of two the first."""
+    return np.median(x, axis=-2) if x.shape[-2] > 2 else x[..., 0, :]
+
+
+def take_off_offsets(group: Group, x: Floats, rows: int, left_deg: float, found: Findings) -> Levels:
+    """Take constant differences off ``x`` (axes, C, n), without NaN, and return the levels; ``rows`` of half a second.
+
+    left_deg : misalignment that was not taken off
+    """
+    means = smoothed(x, rows)
+    thresholds = np.array(
+        [_threshold(axis, rows, own.threshold) for axis, own in zip(means, group.settings.values(), strict=True)]
+    )
+    for a, signal in enumerate(group.signals):
+        off = means[a] - center(means[a])
+        for c, instance in enumerate(group.instances):
+            offset = _offset(off[c], float(thresholds[a]))
+            x[a, c] -= offset
+            if abs(offset) > _TOLD * group.settings[signal].threshold:
+                text = f"{signal} differs by {group.shown(offset)} from the first row on: bias, calibration or fault"
+                value = float(group.first.shown(offset))
+                found.conventions.append(
+                    Convention(group.name, instance, "offset", value, text, len(group.instances) > 2, True, signal)
+                )
+    allowed = _allowed(group, smoothed(x, rows), rows, left_deg)
+    usual = float(np.median(allowed))
+    return Levels(thresholds, allowed, thresholds + usual)
+
+
+def _threshold(means: Floats, rows: int, floor: float) -> float:
+    """Return the threshold of one axis by the means (C, n)."""
+    apart = [np.abs(np.diff((means[i] - means[j])[::rows])) for i, j in combinations(range(len(means)), 2)]
+    sigma = float(np.median([np.quantile(changed, _QUANTILE) / _OF_CHANGES for changed in apart]))
+    return max(floor, float(f"{SIGMAS * sigma:.3g}"))
+
+
+def _offset(off: Floats, threshold: float) -> float:
+    """Return the constant difference (n,): of the first fifth, or of the whole if they agree; else the smaller end."""
+    fifth = max(1, len(off) // 5)
+    early, whole, late = (float(np.median(part)) for part in (off[:fifth], off, off[-fifth:]))
+    return whole if abs(early - whole) <= threshold / 2 else min((early, late), key=abs)
+
+
+def _allowed(group: Group, means: Floats, rows: int, left_deg: float) -> Floats:
+    """Return (n,) what healthy instances may differ by in motion: by gain, misalignment and delay."""
+    gain = _OF_MOTION.get(group.kind, 0.05) + float(np.sin(np.radians(left_deg)))
+    moved = np.sqrt(((means - np.median(means, axis=-1, keepdims=True)) ** 2).sum(axis=0))
+    size = np.median(moved, axis=0) if len(moved) > 2 else moved.min(axis=0)
+    middle = np.median(means, axis=1) if len(moved) > 2 else means[:, 0]
+    rate = np.zeros(len(size))
+    lag = min(max(rows, 1), len(size) - 1)
+    change = np.sqrt(((middle[:, lag:] - middle[:, :-lag]) ** 2).sum(axis=0)) * group.rate_hz / lag
+    rate[lag // 2 : lag // 2 + len(change)] = change
+    return gain * size + _LATE_S * rate if group.kind != "scalar" else gain * size
