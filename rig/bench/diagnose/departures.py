@@ -106,13 +106,24 @@ def _of_several(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
     for failure in voted.failures:
         k = min(int(np.searchsorted(axis.group.time_s, failure.time_s)), apart.shape[1] - 1)
         c = failure.channel - 1
+        channel = axis.group.instances[c].channel
         off = axis.means[c] - np.median(np.delete(axis.means, c, axis=0), axis=0)
         if _vibrates(axis, k, float(off[k]), found):
             continue
         time = _onset(np.abs(apart[c] - np.median(np.delete(apart, c, axis=0), axis=0)), axis, k)
         text = f"departs from the others by {axis.group.shown(float(off[k]))}"
-        return Fault(axis.signal, "departs", failure.channel, time, float(off[k]), text)
+        unsure = _why_unsure(axis, time, channel, found)
+        return Fault(axis.signal, "departs", 0 if unsure else channel, time, float(off[k]), unsure or text)
     return _split(axis, voted.pattern, time_s, persistence, apart, found)
+
+
+def _why_unsure(axis: _Axis, time_s: float, channel: int, found: Findings) -> str:
+    """Return why the channel that departs cannot be named; "" if it can."""
+    if time_s <= float(axis.group.time_s[0]):
+        return f"channel {channel} differs from the first row on, and not later"
+    instance = next(one for one in axis.group.instances if one.channel == channel)
+    turned = any(c.kind == "mounting" and c.corrected and c.angle and c.instance == instance for c in found.conventions)
+    return f"channel {channel} departs after its mounting was estimated" if turned else ""
 
 
 def _split(axis: _Axis, pattern: Bytes, time_s: Floats, lasts: int, apart: Floats, found: Findings) -> Fault | None:
@@ -162,10 +173,13 @@ def _of_two(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
     k = int(bad[0])
     time = _onset(np.abs(difference), axis, k)
     named = _alone_jumps(axis, difference, int(np.searchsorted(axis.group.time_s, time)))
+    if time <= float(axis.group.time_s[0]):
+        text = "the two differ from the first row on, and not later"
+        return Fault(axis.signal, "departs", 0, time, float(real[k]), text)
     size = axis.group.shown(float(abs(real[k])))
     text = f"parts from the other by {size} and alone jumps" if named is not None else f"the two part by {size}"
     signed = float(real[k]) if named in (None, 0) else -float(real[k])
-    channel = None if named is None else named + 1
+    channel = None if named is None else axis.group.instances[named].channel
     return Fault(axis.signal, "departs", channel, time, signed, text)
 
 

@@ -41,6 +41,7 @@ class Convention:
     named: bool = True
     corrected: bool = True
     signal: str = ""  # of an offset
+    angle: bool = False  # of a mounting, estimated: no whole axes
     matrix: Matrix | None = None  # of a unit, axes, a mounting: from what it measures to what the others do
 
 
@@ -50,7 +51,7 @@ class Fault:
 
     signal: str
     kind: Kind
-    channel: int | None  # None: one of two
+    channel: int | None  # None: one of two; 0: cannot be told
     time_s: float
     difference: float
     text: str

@@ -20,12 +20,15 @@ _TOLD: Final = 0.6  # of a row
 _TOLD_S: Final = 2e-3
 
 
-def take_off_delays(group: Group, x: Floats, found: Findings) -> None:
-    """Tell instances that are late, by the axis that moves most, and shift them in ``x`` (axes, C, n), without NaN."""
+def take_off_delays(group: Group, x: Floats, found: Findings) -> bool:
+    """Tell instances that are late, by the axis that moves most, and shift them in ``x`` (axes, C, n), without NaN.
+
+    Return True if the delays of all instances could be measured.
+    """
     rate_hz, n = group.rate_hz, x.shape[-1]
     step = max(1, round(rate_hz / _SAMPLED_HZ))
     if n // step < _LEAST_ROWS:
-        return
+        return False
     used = x[..., : n - n % step].reshape(*x.shape[:-1], -1, step).mean(axis=-1)[..., :_MOST_ROWS]
     made = changes(used, max(1, round(0.5 * rate_hz / step)))
     axis = int(np.argmax([min(spread(column) for column in own) for own in made]))
@@ -39,3 +42,4 @@ def take_off_delays(group: Group, x: Floats, found: Findings) -> None:
         against = "the other" if len(group.instances) == 2 else "the others"
         text = f"{abs(seconds) * 1e3:.0f} ms {'behind' if seconds > 0 else 'ahead of'} {against}"
         found.conventions.append(Convention(group.name, instance, "delay", round(seconds, 4), text))
+    return bool((tied & (alike > _ALIKE)).all())

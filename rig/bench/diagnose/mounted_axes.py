@@ -66,7 +66,10 @@ def take_off_axes(group: Group, x: Floats, found: Findings) -> float:
     value = what if kind == "axes" else round(rotation_deg(matrix), 1)
     text = f"{what}, which no mounting does: a flipped or swapped axis" if mirrored else f"mounted otherwise: {what}"
     turned = tuple(tuple(row) for row in matrix.tolist())
-    found.conventions.append(Convention(group.name, group.instances[odd], kind, value, text, named, matrix=turned))
+    convention = Convention(
+        group.name, group.instances[odd], kind, value, text, named, angle=not turn.whole, matrix=turned
+    )
+    found.conventions.append(convention)
     x[:, odd] = np.einsum("ab,bn->an", matrix, x[:, odd])
     return 0.0 if turn.whole else _AGREE_DEG
 
@@ -97,11 +100,16 @@ def _tell_small(group: Group, turns: dict[tuple[int, int], Turn | None], found: 
 
 
 class _Motion(NamedTuple):
-    """What the instances of a vector share: changes (3, C, n), usual values (3, C), and rows of the longest delay."""
+    """What the instances of a vector share: changes (3, C, n), values (3, C, n) or more, and rows of the longest delay."""
 
     changed: Floats
-    level: Floats | None  # of accelerometers
+    values: Floats | None  # of accelerometers
     delay: int
+
+    @property
+    def level(self) -> Floats | None:
+        """Return the usual values (3, C), gravity; None if it is not measured."""
+        return None if self.values is None else np.median(self.values, axis=-1)
 
     @classmethod
     def of(cls, group: Group, x: Floats) -> _Motion:
@@ -111,11 +119,20 @@ class _Motion(NamedTuple):
         fine = smoothed(smoothed(x, quarter), quarter)[..., ::step]
         lag = max(1, round(_WITHIN_S.get(group.kind, 0.5) * rate_hz / step))
         lag = min(lag, max(1, fine.shape[-1] // 4))
-        level = np.median(fine, axis=-1) if group.kind == "accel" else None
-        return cls(changes(fine, lag), level, min(round(_DELAY_S * rate_hz / step), fine.shape[-1] // 8))
+        return cls(
+            changes(fine, lag),
+            fine if group.kind == "accel" else None,
+            min(round(_DELAY_S * rate_hz / step), fine.shape[-1] // 8),
+        )
 
     def part(self, rows: slice) -> _Motion:
-        return _Motion(self.changed[..., rows], self.level, self.delay)
+        values = None if self.values is None else self.values[..., rows]
+        return _Motion(self.changed[..., rows], values, self.delay)
+
+    def halves(self) -> tuple[_Motion, _Motion]:
+        """Return the two halves of the log."""
+        n = self.changed.shape[-1]
+        return self.part(slice(0, n // 2)), self.part(slice(n // 2, n))
 
 
 def _turn(motion: _Motion, i: int, j: int) -> Turn | None:
@@ -124,8 +141,8 @@ def _turn(motion: _Motion, i: int, j: int) -> Turn | None:
     if n < 16:
         return None
     whole = _whole_axes(motion, i, j)
-    halves = [_whole_axes(motion.part(part), i, j) for part in (slice(0, n // 2), slice(n // 2, n))]
-    if whole is not None and all(half is not None and (half == whole).all() for half in halves):
+    halves = [_whole_axes(half, i, j) for half in motion.halves()]
+    if whole is not None and all(half is not None and np.array_equal(half, whole) for half in halves):
         return Turn(whole, True)
     if whole is not None:
         return None
@@ -158,9 +175,10 @@ def _correlations(motion: _Motion, i: int, j: int, lag: int) -> Floats:
     a, b = a - a.mean(axis=1, keepdims=True), b - b.mean(axis=1, keepdims=True)
     sizes = np.sqrt((b**2).sum(axis=1))[:, None] * np.sqrt((a**2).sum(axis=1))[None]
     made = np.divide(b @ a.T, sizes, out=np.zeros((3, 3)), where=sizes > 0)
-    if motion.level is None:
+    level = motion.level
+    if level is None:
         return made
-    one, other = motion.level[:, i], motion.level[:, j]
+    one, other = level[:, i], level[:, j]
     near = np.abs(np.log(np.maximum(np.abs(other)[:, None], 1e-9) / np.maximum(np.abs(one)[None], 1e-9))) < 0.35
     heavy = (np.abs(one)[None] > _GRAVITY) & (np.abs(other)[:, None] > _GRAVITY)
     return np.where(heavy & near, np.sign(other)[:, None] * np.sign(one)[None], made)
@@ -168,19 +186,21 @@ def _correlations(motion: _Motion, i: int, j: int, lag: int) -> Floats:
 
 def _rotation(motion: _Motion, i: int, j: int) -> Turn | None:
     """Return the rotation of least squares from i to j, if both halves show it."""
-    a, b = motion.changed[:, i], motion.changed[:, j]
-    n = a.shape[1]
-    if motion.level is not None:  # gravity is as good as motion
-        weight = np.sqrt(n) / 4.0
-        a = np.hstack([a, weight * motion.level[:, [i]]])
-        b = np.hstack([b, weight * motion.level[:, [j]]])
     if _second_shared(motion.changed[:, i], motion.changed[:, j]) < _SHARED:
         return None
-    parts = [np.r_[rows, n] if motion.level is not None else rows for rows in np.array_split(np.arange(n), 2)]
-    whole = _procrustes(a, b)
-    one, two = (_procrustes(a[:, rows], b[:, rows]) for rows in parts)
-    angle = rotation_deg(whole)
-    return Turn(whole, False) if rotation_deg(one @ two.T) < max(_AGREE_DEG, angle / 3.0) else None
+    whole, one, two = (_procrustes(*_directions(part, i, j)) for part in (motion, *motion.halves()))
+    near = rotation_deg(one @ two.T) < max(_AGREE_DEG, rotation_deg(whole) / 3.0)
+    return Turn(whole, False) if near else None
+
+
+def _directions(motion: _Motion, i: int, j: int) -> tuple[Floats, Floats]:
+    """Return (3, n) each what instances i and j measure in common; gravity is as good as motion."""
+    a, b = motion.changed[:, i], motion.changed[:, j]
+    level = motion.level
+    if level is None:
+        return a, b
+    weight = np.sqrt(a.shape[1]) / 4.0
+    return np.hstack([a, weight * level[:, [i]]]), np.hstack([b, weight * level[:, [j]]])
 
 
 def _second_shared(a: Floats, b: Floats) -> float:

@@ -75,9 +75,9 @@ def diagnose_group(
         take_off_units(part, x, rows, found)
         left_deg = take_off_axes(part, x, found) if len(x) == 3 else 0.0
         corrected = _converted(group, found.conventions[before:])
-        take_off_delays(part, x, found)
+        timed = take_off_delays(part, x, found)
         left_out = leave_out_range_ends(part, x, rows, found) | lost
-        levels = take_off_offsets(part, x, rows, left_deg, found)
+        levels = take_off_offsets(part, x, rows, left_deg, timed, found)
         compared = find_departures(part, x, levels, rows, left_out, found)
         shown = Shown(part.time_s, x, levels.thresholds, rows)
     elif len(channels) < 2:

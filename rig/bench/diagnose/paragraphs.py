@@ -63,7 +63,7 @@ def _fault(names: list[str], signal: SignalDiagnosis, zero_s: float) -> Iterator
     elif signal.verdict == "one_of":
         yield f"One of the two is wrong on {on} since {since}: {signal.text}; two alone do not show which."
     else:
-        yield f"Something is wrong on {on} since {since}: {signal.text}, and there is no majority."
+        yield f"The channels of {on} differ since {since}: {signal.text}. It cannot be told which is wrong."
     if signal.smallest_told is not None:
         yield f"A step below {signal.smallest_told:.3g} {signal.unit} could not be told.".replace(" .", ".")
     if signal.in_flight is not None:

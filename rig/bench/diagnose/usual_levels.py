@@ -2,7 +2,7 @@
 
 Threshold: max(floor, 8 sigma), sigma of the healthy difference of half-second means, from the 80 % quantile of its
 changes, so that a fault in a fifth of the log does not raise it.  Motion raises the difference that counts: a gain
-that differs by 5 %, or 3 degrees of misalignment, is no fault.
+that differs by 3 %, or 2 degrees of misalignment, is no fault.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ SIGMAS: Final = 8.0
 _QUANTILE: Final = 0.8
 _OF_CHANGES: Final = 1.81  # that quantile of the change between two normal values, in their sigmas
 _TOLD: Final = 2.0  # floors
-_OF_MOTION: Final = {"scalar": 0.02}  # gain that may differ; of vectors 0.05
-_LATE_S: Final = 0.03  # a delay that may be left
+_STAYS: Final = 0.3  # of the rows
+_OF_MOTION: Final = 0.03  # gain or misalignment (rad) that may differ
+_LATE_S: Final = {False: 0.03, True: 0.01}  # delay that may be left, if it was measured
 
 
 class Levels(NamedTuple):
@@ -38,10 +39,10 @@ def center(x: Floats) -> Floats:
     return np.median(x, axis=-2) if x.shape[-2] > 2 else x[..., 0, :]
 
 
-def take_off_offsets(group: Group, x: Floats, rows: int, left_deg: float, found: Findings) -> Levels:
+def take_off_offsets(group: Group, x: Floats, rows: int, left_deg: float, timed: bool, found: Findings) -> Levels:
     """Take constant differences off ``x`` (axes, C, n), without NaN, and return the levels; ``rows`` of half a second.
 
-    left_deg : misalignment that was not taken off
+    left_deg : misalignment that was not taken off; timed : delays were measured
     """
     means = smoothed(x, rows)
     thresholds = np.array(
@@ -58,7 +59,7 @@ def take_off_offsets(group: Group, x: Floats, rows: int, left_deg: float, found:
                 found.conventions.append(
                     Convention(group.name, instance, "offset", value, text, len(group.instances) > 2, True, signal)
                 )
-    allowed = _allowed(group, smoothed(x, rows), rows, left_deg)
+    allowed = _allowed(group, smoothed(x, rows), rows, left_deg, timed)
     usual = float(np.median(allowed))
     return Levels(thresholds, allowed, thresholds + usual)
 
@@ -71,15 +72,21 @@ def _threshold(means: Floats, rows: int, floor: float) -> float:
 
 
 def _offset(off: Floats, threshold: float) -> float:
-    """Return the constant difference (n,): of the first fifth, or of the whole if they agree; else the smaller end."""
+    """Return the constant part of a difference (n,): that of the first fifth if most of the log agrees, or if it stays.
+
+    A fault in the first fifth alone, or from there on, leaves the smaller of both ends.
+    """
     fifth = max(1, len(off) // 5)
     early, whole, late = (float(np.median(part)) for part in (off[:fifth], off, off[-fifth:]))
-    return whole if abs(early - whole) <= threshold / 2 else min((early, late), key=abs)
+    if abs(early - whole) <= threshold / 2:
+        return whole
+    stays = float((np.abs(off - early) <= threshold / 2).mean())
+    return early if stays > _STAYS else min((early, late), key=abs)
 
 
-def _allowed(group: Group, means: Floats, rows: int, left_deg: float) -> Floats:
+def _allowed(group: Group, means: Floats, rows: int, left_deg: float, timed: bool) -> Floats:
     """Return (n,) what healthy instances may differ by in motion: by gain, misalignment and delay."""
-    gain = _OF_MOTION.get(group.kind, 0.05) + float(np.sin(np.radians(left_deg)))
+    gain = _OF_MOTION + float(np.sin(np.radians(left_deg)))
     moved = np.sqrt(((means - np.median(means, axis=-1, keepdims=True)) ** 2).sum(axis=0))
     size = np.median(moved, axis=0) if len(moved) > 2 else moved.min(axis=0)
     middle = np.median(means, axis=1) if len(moved) > 2 else means[:, 0]
@@ -87,4 +94,4 @@ def _allowed(group: Group, means: Floats, rows: int, left_deg: float) -> Floats:
     lag = min(max(rows, 1), len(size) - 1)
     change = np.sqrt(((middle[:, lag:] - middle[:, :-lag]) ** 2).sum(axis=0)) * group.rate_hz / lag
     rate[lag // 2 : lag // 2 + len(change)] = change
-    return gain * size + _LATE_S * rate if group.kind != "scalar" else gain * size
+    return gain * size + _LATE_S[timed] * rate
