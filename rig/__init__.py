@@ -26,7 +26,10 @@ _HOME = {
     "fault": "rig.scenario.make_fault",
     **dict.fromkeys(("report", "write_report"), "rig.show.pages.flight_page"),
 }
-__all__ = ["Flight", "Log", "Scenario", "diagnose", "fault", "fly", "load", "read_log", "report", "score", "vote", "write_report"]
+__all__ = [
+    *("Flight", "Log", "Scenario", "diagnose", "fault", "fly", "load", "read_log", "report", "score", "vote"),
+    "write_report",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -55,9 +55,19 @@ def diagnose(options: DiagnoseOptions) -> None:
 
 
 _INJECTED: Final = (
-    *(Column("signal"), Column("fault"), Column("size"), Column("tried"), Column("right"), Column("one of")),
-    *(Column("missed"), Column("wrong"), Column("late, s", "delay_s", ".2f", worth=5)),
+    *(Column("signal"), Column("fault"), Column("size", lambda row: _size(row)), Column("tried"), Column("right")),
+    *(
+        Column("one of two", "one_of"),
+        Column("missed"),
+        Column("wrong"),
+        Column("late", "delay_s", ".2f", "s", worth=5),
+    ),
 )
+
+
+def _size(row: dict[str, Any]) -> str:
+    """Return the size of an injected fault with its unit."""
+    return "" if row["size"] is None else f"{row['size']:g} {row['unit']}".rstrip()
 
 
 def _show(summary: dict[str, Any]) -> None:

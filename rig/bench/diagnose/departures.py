@@ -32,9 +32,9 @@ _LARGEST: Final = 1e12  # of samples, in the signals of this vote
 
 
 class Compared(NamedTuple):
-    """What the channels of one signal differ by, beyond what motion explains."""
+    """The largest difference that lasted for the persistence, in relation to what counts then."""
 
-    largest: float  # difference that lasted for the persistence, SI
+    largest: float  # SI
     in_thresholds: float
 
 
@@ -48,10 +48,10 @@ def find_departures(
     lasts = max(_LEAST_ROWS, round(PERSISTENCE_S * group.rate_hz))
     compared: dict[str, Compared] = {}
     for a, signal in enumerate(group.signals):
-        axis = _Axis(group, signal, a, x[a], smoothed(x[a], rows), float(levels.thresholds[a]), rows, lasts)
+        axis = _Axis(group, signal, x[a], smoothed(x[a], rows), float(levels.thresholds[a]), rows, lasts)
         apart = _beyond_motion(axis.means, levels.allowed)
         apart[:, left_out] = 0.0
-        compared[signal] = _compared(apart, axis)
+        compared[signal] = _compared(axis, levels.allowed, left_out)
         fault = _of_two(axis, apart, found) if len(apart) == 2 else _of_several(axis, apart, found)
         if fault is not None:
             found.faults.append(fault)
@@ -63,7 +63,6 @@ class _Axis(NamedTuple):
 
     group: Group
     signal: str
-    index: int
     x: Floats
     means: Floats
     threshold: float
@@ -79,14 +78,19 @@ def _beyond_motion(means: Floats, allowed: Floats) -> Floats:
     return np.sign(off) * np.maximum(np.abs(off) - share * allowed, 0.0)
 
 
-def _compared(apart: Floats, axis: _Axis) -> Compared:
-    if len(apart) == 2:
-        lasting = held(np.abs(apart[0] - apart[1]), axis.lasts)
-    else:
-        each = [np.abs(np.delete(apart, c, axis=0) - apart[c]).min(axis=0) for c in range(len(apart))]
-        lasting = np.max([held(own, axis.lasts) for own in each], axis=0)
-    largest = float(lasting.max())
-    return Compared(largest, largest / axis.threshold)
+def _compared(axis: _Axis, allowed: Floats, left_out: Flags) -> Compared:
+    """Return the largest distance of a channel from its nearest, relative to the threshold and what motion allows."""
+    means, count = axis.means, len(axis.means)
+    best = Compared(0.0, 0.0)
+    for c in range(count):
+        apart = np.abs(np.delete(means, c, axis=0) - means[c]).min(axis=0)
+        relative = np.where(left_out, 0.0, apart / (axis.threshold + allowed))
+        lasting = held(relative, axis.lasts)
+        k = int(np.argmax(lasting))
+        if lasting[k] > best.in_thresholds:
+            lowest = apart[max(k - axis.lasts + 1, 0) : k + 1].min()
+            best = Compared(float(lowest), float(lasting[k]))
+    return best
 
 
 def _of_several(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
@@ -152,7 +156,7 @@ def _vibrates(axis: _Axis, k: int, size: float, found: Findings) -> bool:
     """Return True if an accelerometer parts while its vibration rises, which shifts its mean."""
     if axis.group.kind != "accel" or axis.rows < 5:
         return False
-    level = np.sqrt(smoothed((axis.x - axis.means) ** 2, 8 * axis.rows)).max(axis=0)
+    level = np.sqrt(np.maximum(smoothed((axis.x - axis.means) ** 2, 8 * axis.rows), 0.0)).max(axis=0)
     if abs(size) > _VIBRATES * level[k] or level[k] < _RISES * np.quantile(level, 0.25):
         return False
     since = float(axis.group.time_s[k] - axis.group.time_s[0])

@@ -9,6 +9,7 @@ from typing import Any
 from rig.bench.diagnose.diagnosis import Diagnosis
 from rig.bench.diagnose.one_quantity import diagnose_group
 from rig.bench.diagnose.sensor_groups import read_groups
+from rig.bench.diagnose.trial_faults import injected, kinds_of
 from rig.core.progress import tell
 
 
@@ -20,9 +21,10 @@ def diagnose_file(
 ) -> Diagnosis:
     """Return the diagnosis of the recording at ``path``.
 
-    config, preset : as of ``rig.vote``
+    config, preset : as of ``rig.vote``; inject : kinds of faults to try on copies of the recording
     BadInput, one line: unreadable, nothing to compare, settings that do not fit.
     """
+    kinds = kinds_of(inject)
     read = read_groups(path, config, preset)
     zero_s = min(float(group.time_s[0]) for group in read.groups)
     quantities = {}
@@ -37,4 +39,5 @@ def diagnose_file(
         tuple(read.remarks),
         tuple(read.warnings),
         read.refused,
+        tuple(injected(read.groups, quantities, kinds)),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from rig.bench.diagnose.findings import Convention, InFlight, SignalDiagnosis
@@ -71,7 +71,7 @@ def _flight(one: InFlight) -> dict[str, Any]:
         "isolated": one.isolated,
         "at_s": one.at_s,
         "vote_error": one.vote_error,
-        "isolations": [isolation._asdict() for isolation in one.isolations],
+        "isolations": [asdict(isolation) for isolation in one.isolations],
     }
 
 

@@ -20,8 +20,13 @@ from rig.log.recordings.stamps import Floats
 _EARLY_S: Final = 0.5  # a fault is dated by means, which a decision on rows may precede
 
 
-def fly(group: Group, x: Floats, threshold_of: str, faults: dict[str, Fault]) -> dict[str, InFlight]:
-    """Return the decisions on every signal; x : (axes, C, n), SI, converted, NaN without a sample."""
+def fly(
+    group: Group, x: Floats, threshold_of: str, faults: dict[str, Fault]
+) -> tuple[dict[str, InFlight], list[Floats]]:
+    """Return the decisions on every signal, and the voted values (n,) of each.
+
+    x : (axes, C, n), SI, converted, NaN without a sample
+    """
     settings = {name: own.model_copy(update={"manager": DEFAULT}) for name, own in group.settings.items()}
     samples = {name: Samples(list(np.ascontiguousarray(axis))) for name, axis in zip(settings, x, strict=True)}
     voted = vote(Recording(group.time_s, samples), settings, [])
@@ -43,7 +48,7 @@ def fly(group: Group, x: Floats, threshold_of: str, faults: dict[str, Fault]) ->
             None if error is None else float(own.shown(error)),
             isolations,
         )
-    return made
+    return made, [voted[name].voted for name in settings]
 
 
 def _isolation(fault: Fault, isolations: tuple[Isolation, ...], first_s: float) -> Isolation | None:

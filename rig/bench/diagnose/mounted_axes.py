@@ -100,7 +100,7 @@ def _tell_small(group: Group, turns: dict[tuple[int, int], Turn | None], found: 
 
 
 class _Motion(NamedTuple):
-    """What the instances of a vector share: changes (3, C, n), values (3, C, n) or more, and rows of the longest delay."""
+    """What the instances of a vector share: changes (3, C, n), values of as many rows or more, the longest delay."""
 
     changed: Floats
     values: Floats | None  # of accelerometers

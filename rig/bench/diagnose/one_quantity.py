@@ -15,7 +15,7 @@ from rig.bench.diagnose.lateness import take_off_delays
 from rig.bench.diagnose.mounted_axes import take_off_axes
 from rig.bench.diagnose.range_ends import leave_out_range_ends
 from rig.bench.diagnose.sensor_groups import Group
-from rig.bench.diagnose.smoothing import runs, widened
+from rig.bench.diagnose.smoothing import runs, smoothed, widened
 from rig.bench.diagnose.unit_factors import take_off_units
 from rig.bench.diagnose.usual_levels import Levels, take_off_offsets
 from rig.log.recordings.delays import bridged
@@ -29,12 +29,19 @@ _LEAST_SHARE: Final = 0.2  # of the rows, before an instance freezes; with fewer
 
 
 class Shown(NamedTuple):
-    """What a page draws of one quantity: values (axes, C, n) as compared, and the thresholds (axes,), SI."""
+    """What a page draws of one quantity.
+
+    x : (axes, C, n) as joined, converted, at time_s (n,); voted (axes, n) in flight; both SI, ``scale`` SI of one unit
+    apart : (axes, c, m) differences of means from their middle, in thresholds, of the channels ``compared``, from 1
+    """
 
     time_s: Floats
     x: Floats
-    thresholds: Floats
-    rows: int
+    scale: float
+    voted: list[Floats] | None = None
+    compared_s: Floats | None = None
+    compared: tuple[int, ...] = ()
+    apart: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +75,7 @@ def diagnose_group(
     kept, channels = _comparable(group, found)
     x, part, lost = _without_gaps(group, kept, channels, found)
     rows = max(1, round(MEANS_S * group.rate_hz))
-    compared, levels, shown = dict[str, Compared](), None, None
+    compared, levels, apart = dict[str, Compared](), None, None
     corrected = group.x
     if len(channels) > 1 and x.shape[-1] >= LEAST_ROWS:
         before = len(found.conventions)
@@ -79,17 +86,25 @@ def diagnose_group(
         left_out = leave_out_range_ends(part, x, rows, found) | lost
         levels = take_off_offsets(part, x, rows, left_deg, timed, found)
         compared = find_departures(part, x, levels, rows, left_out, found)
-        shown = Shown(part.time_s, x, levels.thresholds, rows)
+        apart = _apart(x, levels, rows)
     elif len(channels) < 2:
         found.remarks.append("one channel is left: nothing to compare")
     firsts = _first_faults(found.faults)
-    flights = fly(group, corrected, threshold_of, firsts) if flown else {}
+    flights, voted = fly(group, corrected, threshold_of, firsts) if flown else ({}, None)
     _tell_rate(group, found)
     signals = {
         name: _verdict(group, a, firsts.get(name), compared.get(name), levels, flights.get(name), zero_s)
         for a, name in enumerate(group.signals)
     }
+    numbers = tuple(instance.channel for instance in part.instances)
+    shown = Shown(group.time_s, corrected, group.first.scale, voted, part.time_s, numbers, apart)
     return _made(group, signals, found, shown)
+
+
+def _apart(x: Floats, levels: Levels, rows: int) -> Floats:
+    """Return (axes, C, n) the differences of the means from their middle, in thresholds."""
+    means = smoothed(x, rows)
+    return (means - np.median(means, axis=1, keepdims=True)) / levels.thresholds[:, None, None]
 
 
 def _too_short(group: Group) -> str:
@@ -127,9 +142,9 @@ def _without_gaps(group: Group, kept: slice, channels: list[int], found: Finding
     lost = np.zeros(x.shape[-1], np.bool_)
     if missing.any():
         rows = max(1, round(MEANS_S * group.rate_hz))
-        lost = widened(missing.any(axis=(0, 1)), rows)
+        lost = widened(np.asarray(missing.any(axis=(0, 1))), rows)
         for c, k in enumerate(channels):
-            _tell_gaps(group, k, missing[:, c].any(axis=0), found)
+            _tell_gaps(group, k, np.asarray(missing[:, c].any(axis=0)), found)
         x = np.array([[bridged(column) for column in axis] for axis in x])
         x = np.nan_to_num(x, nan=0.0)
     own = [[axis[c] for c in channels] for axis in group.own]

@@ -25,7 +25,7 @@ def leave_out_range_ends(group: Group, x: Floats, rows: int, found: Findings) ->
     for a, signal in enumerate(group.signals):
         hit = np.array([_at_ends(group, samples) for samples in group.own[a]])
         together = widened(hit, rows).sum(axis=0) > 1
-        left_out |= together & widened(hit.any(axis=0), rows)
+        left_out |= together & widened(np.asarray(hit.any(axis=0)), rows)
         for c, instance in enumerate(group.instances):
             alone = hit[c] & ~together
             others = np.median(np.delete(x[a], c, axis=0), axis=0)

@@ -26,7 +26,7 @@ def spread(x: Floats) -> float:
 
 
 def changes(x: Floats, lag: int) -> Floats:
-    """Return the changes (..., n - lag) of x (..., n) within ``lag`` rows, clipped: biases are gone, steps are small."""
+    """Return the changes (..., n - lag) of x (..., n) within ``lag`` rows, clipped: steps are small."""
     made = x[..., lag:] - x[..., :-lag]
     limit = _CLIP * _SPREAD * np.median(np.abs(made), axis=-1, keepdims=True) + 1e-12
     return np.clip(made, -limit, limit)

@@ -77,8 +77,8 @@ def _motions(x: Floats, rows: int) -> Floats | None:
     """Return how much each instance (C,) changes within ``rows`` rows; None if they do not change together."""
     lag = max(rows, 1)
     made = changes(smoothed(smoothed(x, lag), lag), lag)
-    sizes = np.array([np.linalg.norm([spread(axis) for axis in made[:, c]]) for c in range(x.shape[1])])
-    lengths = np.sqrt((made**2).sum(axis=0))
+    sizes = np.array([float(np.linalg.norm([spread(axis) for axis in made[:, c]])) for c in range(x.shape[1])])
+    lengths: Floats = np.sqrt((made**2).sum(axis=0))
     if not (np.ptp(lengths, axis=-1) > 0).all():
         return None
     odd = _odd(sizes)

@@ -1,8 +1,8 @@
 """What instances differ by from the first row on, and the difference from where on a fault can be told.
 
 Threshold: max(floor, 8 sigma), sigma of the healthy difference of half-second means, from the 80 % quantile of its
-changes, so that a fault in a fifth of the log does not raise it.  Motion raises the difference that counts: a gain
-that differs by 3 %, or 2 degrees of misalignment, is no fault.
+changes, so that a fault in a fifth of the log does not raise it.  Motion raises the difference that counts,
+because gains, alignment and delays differ between healthy instances; most where it exceeds what is usual in the log.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ _QUANTILE: Final = 0.8
 _OF_CHANGES: Final = 1.81  # that quantile of the change between two normal values, in their sigmas
 _TOLD: Final = 2.0  # floors
 _STAYS: Final = 0.3  # of the rows
-_OF_MOTION: Final = 0.03  # gain or misalignment (rad) that may differ
-_LATE_S: Final = {False: 0.03, True: 0.01}  # delay that may be left, if it was measured
+_GAIN: Final = (0.02, 0.1)  # gain or misalignment (rad) of usual motion, and more of what exceeds it
+_LATE_S: Final = (0.01, 0.03)  # delay that may be left, as well; twice that if delays could not be measured
+_USUAL: Final = 0.8  # quantile of usual motion, which the threshold covers
 
 
 class Levels(NamedTuple):
@@ -86,7 +87,6 @@ def _offset(off: Floats, threshold: float) -> float:
 
 def _allowed(group: Group, means: Floats, rows: int, left_deg: float, timed: bool) -> Floats:
     """Return (n,) what healthy instances may differ by in motion: by gain, misalignment and delay."""
-    gain = _OF_MOTION + float(np.sin(np.radians(left_deg)))
     moved = np.sqrt(((means - np.median(means, axis=-1, keepdims=True)) ** 2).sum(axis=0))
     size = np.median(moved, axis=0) if len(moved) > 2 else moved.min(axis=0)
     middle = np.median(means, axis=1) if len(moved) > 2 else means[:, 0]
@@ -94,4 +94,12 @@ def _allowed(group: Group, means: Floats, rows: int, left_deg: float, timed: boo
     lag = min(max(rows, 1), len(size) - 1)
     change = np.sqrt(((middle[:, lag:] - middle[:, :-lag]) ** 2).sum(axis=0)) * group.rate_hz / lag
     rate[lag // 2 : lag // 2 + len(change)] = change
-    return gain * size + _LATE_S[timed] * rate
+    late = 1.0 if timed else 2.0
+    misaligned = float(np.sin(np.radians(left_deg))) * size
+    return _more(size, _GAIN) + late * _more(rate, _LATE_S) + misaligned
+
+
+def _more(motion: Floats, shares: tuple[float, float]) -> Floats:
+    """Return (n,) a share of motion (n,), and another of what exceeds usual motion."""
+    usual = float(np.quantile(motion, _USUAL))
+    return shares[0] * motion + shares[1] * np.maximum(motion - usual, 0.0)
