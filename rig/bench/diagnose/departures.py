@@ -114,7 +114,7 @@ def _of_several(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
         off = axis.means[c] - np.median(np.delete(axis.means, c, axis=0), axis=0)
         if _vibrates(axis, k, float(off[k]), found):
             continue
-        time = _onset(np.abs(apart[c] - np.median(np.delete(apart, c, axis=0), axis=0)), axis, k)
+        time = _onset(off, axis, k)
         text = f"departs from the others by {axis.group.shown(float(off[k]))}"
         unsure = _why_unsure(axis, time, channel, found)
         return Fault(axis.signal, "departs", 0 if unsure else channel, time, float(off[k]), unsure or text)
@@ -147,9 +147,11 @@ def _split(axis: _Axis, pattern: Bytes, time_s: Floats, lasts: int, apart: Float
 
 
 def _onset(off: Floats, axis: _Axis, k: int) -> float:
-    """Return the time from which ``off`` (n,) stays above half of the threshold until row k."""
-    below = np.flatnonzero(off[: k + 1] <= axis.threshold / 2)
-    return float(axis.group.time_s[int(below[-1]) + 1 if len(below) and below[-1] < k else k if len(below) else 0])
+    """Return the time from which ``off`` (n,) stays above half of its size at row k, or half of the threshold."""
+    size = float(off[k])
+    below = np.flatnonzero(off[: k + 1] * np.sign(size) <= max(axis.threshold, abs(size)) / 2)
+    row = 0 if len(below) == 0 else min(int(below[-1]) + 1, k)
+    return float(axis.group.time_s[row])
 
 
 def _vibrates(axis: _Axis, k: int, size: float, found: Findings) -> bool:
@@ -175,7 +177,7 @@ def _of_two(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
     if len(bad) == 0 or _vibrates(axis, int(bad[0]), float(real[bad[0]]), found):
         return None
     k = int(bad[0])
-    time = _onset(np.abs(difference), axis, k)
+    time = _onset(real, axis, k)
     named = _alone_jumps(axis, difference, int(np.searchsorted(axis.group.time_s, time)))
     if time <= float(axis.group.time_s[0]):
         text = "the two differ from the first row on, and not later"

@@ -25,7 +25,7 @@ _FEWEST, _MOST = 60, 1200
 
 
 def points(lines: int) -> int:
-    """Return how many points a line of a page with so many ``lines`` has."""
+    """Return the number of points of each line on a page with ``lines`` lines."""
     return int(np.clip(_CHARACTERS / (_OF_A_POINT * max(lines, 1)), _FEWEST, _MOST)) // 2 * 2
 
 

@@ -1,4 +1,4 @@
-"""What a diagnosis finds: conventions, faults, and the verdict of each signal."""
+"""Results of a diagnosis: conventions, faults, and the verdict of each signal."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class SignalDiagnosis:
 
 @dataclass(slots=True)
 class Findings:
-    """What the steps of a diagnosis found in one quantity."""
+    """Results of the steps of a diagnosis of one quantity."""
 
     conventions: list[Convention] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)

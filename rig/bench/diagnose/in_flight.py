@@ -1,4 +1,4 @@
-"""What the manager would have decided in flight: a vote of the rows as joined, with the settings of each signal.
+"""The decisions of the manager in flight: a vote of the rows as joined, with the settings of each signal.
 
 Units, axes and mountings are converted first, as an autopilot does by its settings; delays and offsets are not.
 """

@@ -1,8 +1,8 @@
 """Constant delays between instances: told, and taken off.
 
-Vibration is coherent between instances, with a phase of its own in each, and would be taken for a delay.  So delays
-are estimated without what is faster than a few hertz, and one is believed only if the slow motion, on which the
-instances are compared, agrees better with it.
+Vibration is coherent between instances, with another phase in each, and would be taken for a delay.  So delays are
+estimated without what is faster than a few hertz, and one is accepted only if the slow motion, on which the instances
+are compared, agrees better with it.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ def take_off_delays(group: Group, x: Floats, found: Findings) -> bool:
     means = smoothed(smoothed(used, slow), slow)
     reference = int(np.argmin(np.where(tied, np.abs(late), np.inf)))
     at = np.arange(n, dtype=np.float64)
-    believed = (tied & (alike > _ALIKE)).tolist()
+    accepted = (tied & (alike > _ALIKE)).tolist()
     for c, instance in enumerate(group.instances):
         seconds = float(late[c]) / used_hz
-        if not believed[c] or abs(late[c]) < _TOLD or abs(seconds) < _TOLD_S:
+        if not accepted[c] or abs(late[c]) < _TOLD or abs(seconds) < _TOLD_S:
             continue
         if not _agrees_better(means, c, reference, float(late[c]), lag):
-            believed[c] = False
+            accepted[c] = False
             continue
         x[:, c] = [np.interp(at + late[c] * step, at, column) for column in x[:, c]]
         against = "the other" if len(group.instances) == 2 else "the others"
         text = f"{abs(seconds) * 1e3:.0f} ms {'behind' if seconds > 0 else 'ahead of'} {against}"
         found.conventions.append(Convention(group.name, instance, "delay", round(seconds, 4), text))
-    return all(believed)
+    return all(accepted)
 
 
 def _agrees_better(means: Floats, c: int, reference: int, late: float, lag: int) -> bool:

@@ -2,7 +2,7 @@
 
 Flips and swaps are found by the correlations of every axis with every axis, over a range of delays: a flipped axis
 turns only its own sign, a delay turns all.  An angle is the rotation of least squares (orthogonal Procrustes) of
-what changes, and is believed if both halves of the log show it and two directions move in both instances.
+what changes, and is accepted if both halves of the log show it and two directions move in both instances.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ _LEAST_SHARE: Final = 0.2  # of the rows, before an instance freezes; with fewer
 
 
 class Shown(NamedTuple):
-    """What a page draws of one quantity.
+    """The data that a page draws of one quantity.
 
     x : (axes, C, n) as joined, converted, at time_s (n,); voted (axes, n) in flight; both SI, ``scale`` SI of one unit
     apart : (axes, c, m) differences of means from their middle, in thresholds, of the channels ``compared``, from 1

@@ -1,7 +1,7 @@
 """Faults put into copies of a recording: what a diagnosis of this very log would find.
 
 Each fault begins at 40 % of the log, in one channel of one signal, and the copy is diagnosed.  Sizes are multiples of
-the threshold of the signal: of the preset or the configuration.  Of a long log the first MOST_ROWS rows are used.
+the threshold of the signal: of the preset or the configuration.  In a long log the first MOST_ROWS rows are used.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def kinds_of(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def trials(group: Group, healthy: QuantityDiagnosis, kinds: Sequence[str]) -> list[dict[str, Any]]:
-    """Return a row for each signal, kind and size; a signal in which a fault is found already has none."""
+    """Return a row for each signal, kind and size; a quantity with a fault has none."""
     if any(signal.verdict != "none" for signal in healthy.signals.values()):
         return []
     used = _first_rows(group)
@@ -140,6 +140,6 @@ def _first_rows(group: Group) -> Group:
 def injected(
     groups: Sequence[Group], healthy: dict[str, QuantityDiagnosis], kinds: Sequence[str]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of all groups; a signal without a fault of its own is tried."""
+    """Yield the rows of all groups; a quantity in which a fault was found has none."""
     for group in groups:
         yield from trials(group, healthy[group.name], kinds)

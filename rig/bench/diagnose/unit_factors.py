@@ -31,7 +31,7 @@ _FACTORS: Final = {
         _Factor(1e4, "a unit 10000 times as large", "the smaller unit, as gauss against tesla"),
     ),
 }
-_ALIKE: Final = 1.35  # a factor is believed within this of a known one
+_ALIKE: Final = 1.35  # a factor is accepted within this of a standard one
 _SAME: Final = 2.5  # instances of one unit may differ in gain and filter by this
 _CORRELATED: Final = 0.5  # of the sizes of what changes, so that noise of two instruments is no motion
 _STEADY: Final = 10.0  # spreads that a level is away from zero, to be compared itself
@@ -84,7 +84,7 @@ def _motions(x: Floats, rows: int) -> Floats | None:
     odd = _odd(sizes)
     if odd is None:
         return sizes
-    together = np.corrcoef(lengths)[odd]
+    together = np.asarray(np.corrcoef(lengths))[odd]
     return sizes if np.median(np.delete(together, odd)) > _CORRELATED else None
 
 

@@ -1,4 +1,4 @@
-"""What instances differ by from the first row on, and the difference from where on a fault can be told.
+"""The constant differences of instances from the first row on, and the difference from where on a fault can be told.
 
 Threshold: max(floor, 8 sigma), sigma of the healthy difference of half-second means, from the 80 % quantile of its
 changes, so that a fault in a fifth of the log does not raise it.  Motion raises the difference that counts,
