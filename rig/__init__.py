@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rig.bench.api import score, vote
+    from rig.bench.api import diagnose, score, vote
     from rig.scenario.make_fault import fault
     from rig.scenario.scenario import Scenario, load
     from rig.show.notebook.flight import Flight, fly
@@ -22,11 +22,14 @@ _HOME = {
     **dict.fromkeys(("Flight", "fly"), "rig.show.notebook.flight"),
     **dict.fromkeys(("Log", "read_log"), "rig.show.notebook.log"),
     **dict.fromkeys(("Scenario", "load"), "rig.scenario.scenario"),
-    **dict.fromkeys(("score", "vote"), "rig.bench.api"),
+    **dict.fromkeys(("diagnose", "score", "vote"), "rig.bench.api"),
     "fault": "rig.scenario.make_fault",
     **dict.fromkeys(("report", "write_report"), "rig.show.pages.flight_page"),
 }
-__all__ = ["Flight", "Log", "Scenario", "fault", "fly", "load", "read_log", "report", "score", "vote", "write_report"]
+__all__ = [
+    *("Flight", "Log", "Scenario", "diagnose", "fault", "fly", "load", "read_log", "report", "score", "vote"),
+    "write_report",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,11 +1,13 @@
-"""``rig.score`` and ``rig.vote``: score a flight, vote on recorded channels."""
+"""``rig.score``, ``rig.vote`` and ``rig.diagnose``: score a flight, vote on recorded channels, find a fault in them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rig.bench.diagnose.diagnose_run import diagnose_file
+from rig.bench.diagnose.diagnosis import Diagnosis
 from rig.bench.vote_run import Laps, Options, Votes, vote_file
 from rig.bench.write_votes import output, write, write_units_beside
 from rig.core.settings import build
@@ -76,6 +78,23 @@ def vote(
         write(part, Path(out), votes.recording, votes.voted)
     write_units_beside(Path(out), votes.voted)
     return votes
+
+
+def diagnose(
+    recorded: Path | str,
+    config: Path | str | Mapping[str, Any] | None = None,
+    *,
+    preset: str | None = None,
+    inject: Sequence[str] = (),
+) -> Diagnosis:
+    """Find out which sensor of a recording was wrong, since when, and whether the manager would have isolated it.
+
+    recorded, config, preset : as of ``vote``
+    inject : kinds of faults to try on copies of the recording: "step", "freeze", "drift", "noise", or "all"
+    BadInput, one line: names the file and the key; nothing to compare.
+    """
+    settings = plain_data(config, "config") if isinstance(config, Mapping) else None if config is None else Path(config)
+    return diagnose_file(Path(recorded), settings, preset, inject=tuple(inject))
 
 
 def _log(flight: Flight | Path | str) -> Path:

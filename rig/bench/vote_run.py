@@ -78,7 +78,7 @@ class Laps:
         tell(f"{stage}: done")
 
 
-class _Asked(NamedTuple):
+class Asked(NamedTuple):
     """The recording to vote, and its settings."""
 
     recording: Recording
@@ -148,7 +148,7 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
     if config is not None and options.preset is not None:
         raise BadInput("--preset, --config: only one of them")
     test = None if options.faults is None else read_injection(options.faults)
-    asked = _by_scenario(recorded, options) if config is None else _by_config(recorded, config, options)
+    asked = read_asked(recorded, config, options)
     recording, signals, discretes = asked.recording, asked.signals, asked.discretes
     lap("read")
     injection = None
@@ -175,20 +175,25 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
     return Votes(recording, voted, data)
 
 
+def read_asked(recorded: Path, config: Path | dict[str, Any] | None, options: Options) -> Asked:
+    """Return the recording with the settings of its signals, as of ``vote_file``; BadInput as there."""
+    return _by_scenario(recorded, options) if config is None else _by_config(recorded, config, options)
+
+
 def _named(config: Path | dict[str, Any] | None) -> str:
     """Return the name of the configuration in messages."""
     return str(config) if isinstance(config, Path) else "config"
 
 
-def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options, log: OpenLog | None = None) -> _Asked:
+def _by_config(recorded: Path, config: Path | dict[str, Any], options: Options, log: OpenLog | None = None) -> Asked:
     source = _named(config)
     settings = read_config(config) if isinstance(config, Path) else config_of(config, Path(source))
     recording, signals = load(recorded, settings, source, options.repair, log)
     settings.refuse_short_wait(signals, recording.rate_hz, source)
-    return _Asked(recording, signals, settings.discretes(recording.discretes, source), settings)
+    return Asked(recording, signals, settings.discretes(recording.discretes, source), settings)
 
 
-def _by_scenario(path: Path, options: Options) -> _Asked:
+def _by_scenario(path: Path, options: Options) -> Asked:
     """Read a flight with its settings, or a log by its preset.  BadInput: other recordings need a configuration."""
     if (log := open_log(path)) is not None:
         return _by_config(path, preset_config(log.contents, path, options.preset), options, log)
@@ -201,10 +206,10 @@ def _by_scenario(path: Path, options: Options) -> _Asked:
     flown = recorded(path, options.allow_code)
     refuse_link(flown.scenario)
     signals, discretes = settings_of(flown.scenario)
-    return _Asked(of_log(flown.log, path, options.repair), signals, discretes, VoteConfig(), flown)
+    return Asked(of_log(flown.log, path, options.repair), signals, discretes, VoteConfig(), flown)
 
 
-def _vote(asked: _Asked, recording: Recording, config: Path | dict[str, Any] | None, options: Options) -> Result:
+def _vote(asked: Asked, recording: Recording, config: Path | dict[str, Any] | None, options: Options) -> Result:
     settings = asked.config
     if asked.flown is not None:
         return of_flight(recording, asked.flown.scenario)

@@ -23,6 +23,7 @@ from rig.cli.campaign import app as campaign_app
 from rig.cli.catalogue import faults_app, scenario_app, signals
 from rig.cli.check import check
 from rig.cli.common import GROUP
+from rig.cli.diagnose import diagnose
 from rig.cli.fly import cost, fly
 from rig.cli.fmu import fmu_app
 from rig.cli.mcp import mcp
@@ -58,7 +59,7 @@ _COMMANDS: Final = {
     FLY: (fly, mcp),
     LOOK: (view, report, watch, info),
     SCORE: (score, replay, diff),
-    RECORDED: (vote, thresholds, export, recover),
+    RECORDED: (diagnose, vote, thresholds, export, recover),
     MANY: (check, search, benchmark),
     REFERENCE: (signals, cost),
 }

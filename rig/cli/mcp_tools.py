@@ -158,6 +158,26 @@ class Vote(_Arguments):
         yield from ("--", places.existing("recording", self.recording))
 
 
+class Diagnose(_Arguments):
+    """Find which sensor of a recording was wrong, since when, and whether the manager would have isolated it."""
+
+    recording: str = _text("Log of PX4, ArduPilot, ROS 2 or MDF 4, or a recording, below the folders.")
+    config: str | None = _text("Settings of the signals (TOML). Not needed with a preset, or for a flight's log.", None)
+    preset: Literal["px4", "ardupilot", "ros2-imu"] | None = Field(
+        default=None, description="Preset for a log of another system. Default: by its format."
+    )
+    inject: list[Literal["step", "freeze", "drift", "noise", "all"]] = Field(
+        default=[], description="Faults to try on copies of the log."
+    )
+
+    def _words(self, places: Places) -> Iterator[str]:
+        yield "diagnose"
+        yield from () if self.config is None else (f"--config={places.existing('config', self.config)}",)
+        yield from () if self.preset is None else (f"--preset={self.preset}",)
+        yield from (f"--inject={','.join(self.inject)}",) if self.inject else ()
+        yield from ("--", places.existing("recording", self.recording))
+
+
 class Check(_Arguments):
     """Check the scenarios, logs and campaigns of a suite against requirements and reference decisions."""
 
@@ -239,6 +259,7 @@ TOOLS: Final = (
     Tool("explain", Explain),
     Tool("score", Score),
     Tool("vote", Vote, writes=True),
+    Tool("diagnose", Diagnose),
     Tool("check", Check),
     Tool("search", Search, writes=True),
     Tool("campaign_status", CampaignStatus),
