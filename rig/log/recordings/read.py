@@ -7,9 +7,10 @@
 
 Signals are read in the unit that CONFIG gives them and converted to SI (``load``).
 
-Each source has its own times, which are checked or repaired first (stamps.py).  The rows are those of the first
-source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
-more than its sampling interval away.  Topics of a log of another system are averaged and interpolated (join.py).
+Each source has its own times, those of the log or of a field of its messages (source_times.py), which are unrolled
+(rollover.py) and checked or repaired (stamps.py).  The rows are those of the first source that the mapping names; of
+another, each row takes the sample nearest in time, or none when the nearest is more than its usual step away.
+Topics of a log of another system are averaged and interpolated (join.py).
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ from rig.log.recordings.source_times import (
     log_field,
     nearest_rows,
     refuse_apart,
+    refuse_unknown,
     sampled_s,
     usual_step_s,
     with_fields,
@@ -147,7 +149,9 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
     contents, sources, times = log.contents, dict[str, Source](), config.message_times
     if not config.mapping:
         raise BadInput(f"{path}: a {contents.format} log: CONFIG needs a [mapping]; rig vote --write makes one")
-    for name, fields in _wanted(path, config).items():
+    wanted = _wanted(path, config)
+    refuse_unknown(wanted, times.of)
+    for name, fields in wanted.items():
         topic = contents.named(path, name)
         for field in sorted(fields - set(topic.units)):
             raise BadInput(f"{path}: topic {name!r} has no field {quoted(field)}; {choices(field, topic.units)}")
@@ -230,6 +234,7 @@ def _folder(
     """
     sources: dict[str, Source] = {}
     remarks: list[str] = []
+    refuse_unknown(wanted, times)
     zero, tick_s = None, conversion(written.time_unit, "s").factor
     for name, fields in wanted.items():
         time = times.get(name, written.time_column)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -43,7 +43,15 @@ class MessageTimes(NamedTuple):
 
 def with_fields(wanted: Mapping[str, set[str]], times: MessageTimes) -> dict[str, set[str]]:
     """Return the fields to read of each source, those of the time too."""
+    refuse_unknown(wanted, times.of)
     return {name: fields | ({times(name)} - {""}) for name, fields in wanted.items()}
+
+
+def refuse_unknown(sources: Collection[str], times: Mapping[str, str]) -> None:
+    """Raise BadInput if ``[times]`` names a source that the mapping does not."""
+    for name in times:
+        if name not in sources:
+            raise BadInput(f"[times] {quoted(name)}: not a source of [mapping]; {choices(name, sources)}")
 
 
 def by_fields(path: Path, sources: Mapping[str, Source], times: MessageTimes, remarks: list[str]) -> dict[str, Source]:
@@ -130,7 +138,7 @@ def _begins_at_zero(stamps: Floats) -> NDArray[np.bool_]:
 
 
 def refuse_apart(path: Path, clocks: Mapping[str, Clock]) -> None:
-    """Raise BadInput if a recorder has no time in common with the first one, within a step of its own."""
+    """Raise BadInput if a recorder has no time in common with the first one, within a usual step."""
     (first, rows), *others = clocks.items()
     for name, own in others:
         slack_s = usual_step_s(own.time_s)
