@@ -113,7 +113,7 @@ def _copies(source: Source) -> bool:
 
 def _by_field(where: str, source: Source, field: str, unit: str, remarks: list[str]) -> Source:
     stamps = source.fields[field]
-    without = ~np.isfinite(stamps) | ((stamps == 0) & ~_begins_at_zero(stamps))
+    without = ~np.isfinite(stamps) | ((stamps == 0) & ~_counts_on(stamps))
     if without.mean() >= _MOST_WITHOUT:
         remarks.append(f"{where}: {field} is 0 or missing: the time of the log is used")
         return source
@@ -127,14 +127,14 @@ def _by_field(where: str, source: Source, field: str, unit: str, remarks: list[s
     return Source(time_s, fields)
 
 
-def _begins_at_zero(stamps: Floats) -> NDArray[np.bool_]:
-    """Return (n,) True for a first stamp of 0 that the next one follows: no missing stamp."""
-    begins = np.zeros(len(stamps), bool)
-    if len(stamps) > 2 and stamps[0] == 0:
-        steps = np.diff(stamps)
-        forward = steps[steps > 0]
-        begins[0] = len(forward) > 0 and 0 < steps[0] <= GAP * np.median(forward)
-    return begins
+def _counts_on(stamps: Floats) -> NDArray[np.bool_]:
+    """Return (n,) True for a stamp of 0 that the next one follows: a clock that begins there, no missing stamp."""
+    steps = np.diff(stamps)
+    forward = steps[steps > 0]
+    follows = np.zeros(len(stamps), bool)
+    if len(forward):
+        follows[:-1] = (stamps[:-1] == 0) & (steps > 0) & (steps <= GAP * np.median(forward))
+    return follows
 
 
 def refuse_apart(path: Path, clocks: Mapping[str, Clock]) -> None:
