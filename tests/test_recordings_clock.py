@@ -48,8 +48,7 @@ def test_rows_that_do_not_exceed_all_before_are_late(time_s: list[float], late: 
 
 def test_a_refusal_names_rows_count_and_the_option(tmp_path: Path):
     says = (
-        "in.csv: row 3: time_s must rise, got 0.1 after 0.1; 2 rows are out of order (3, 4); "
-        "--repair-time drops them"
+        "in.csv: row 3: time_s must rise, got 0.1 after 0.1; 2 rows are out of order (3, 4); --repair-time drops them"
     )
     with pytest.raises(BadInput) as refused:
         read(table(tmp_path / "in.csv"), VoteConfig())

@@ -79,7 +79,7 @@ def _failures(
 
 
 def begin_isolated(state: np.void, params: np.void, channels: Sequence[int], name: str) -> None:
-    """Let a signal begin with ``channels``, from 1, isolated.  BadInput: it has not so many, or none is left."""
+    """Let a signal begin with ``channels``, from 1, isolated.  BadInput: it has fewer channels, or none is left."""
     fitted = int(params["fitted"])
     if beyond := [c for c in channels if c > fitted]:
         raise BadInput(f"signal.{name}.bad_from_start: no channel {beyond[0]}; the signal has {fitted}")

@@ -1,4 +1,4 @@
-"""What a summary tells beside the vote: channels that do not vote, and deviations from the first row on."""
+"""The parts of a summary beside the vote: channels that do not vote, and deviations from the first row on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rig.core.frame import State
 from rig.core.units.angles import differences
 from rig.log.recordings.recording import Bytes, Samples
 
-LASTING: Final = 8  # rows in which a channel is not ok from the first one on
+FIRST_ROWS: Final = 8  # rows in which a channel is not ok from the first one on
 
 
 def shown_beside(samples: Samples, signal: Voted) -> dict[str, Any]:
@@ -41,11 +41,11 @@ def shown_beside(samples: Samples, signal: Voted) -> dict[str, Any]:
 
 
 def from_first_row(states: Bytes, bad_from_start: Collection[int], c: int) -> bool:
-    """Return True if channel ``c``, counted from 0, is suspect or isolated from the first row on for LASTING rows.
+    """Return True if channel ``c``, counted from 0, is suspect or isolated from the first row on for FIRST_ROWS rows.
 
     states : (n,) of the channel; bad_from_start : channels that CONFIG isolates
     """
-    return c + 1 not in bad_from_start and bool((states[:LASTING] != State.OK).all()) and len(states) >= LASTING
+    return c + 1 not in bad_from_start and bool((states[:FIRST_ROWS] != State.OK).all()) and len(states) >= FIRST_ROWS
 
 
 def first_row_lines(name: str, signal: dict[str, Any]) -> list[str]:

@@ -172,6 +172,9 @@ def vote_file(recorded: Path, config: Path | dict[str, Any] | None, options: Opt
         corrections = None if alignment is None else alignment.corrections
         scored = score(injection, recording, voted, corrections)
         data["injected"] = scores(scored, test[1], test[0].seed)
+        for fault in data["injected"]["faults"]:
+            onset_s = fault["onset_s"]
+            fault["since_first_row_s"] = None if onset_s is None else onset_s - data["time_s"][0]
     return Votes(recording, voted, data)
 
 

@@ -43,7 +43,9 @@ def summary(recording: Recording, voted: Result, alignment: Alignment | None = N
         line for name, signal in data["signals"].items() for line in first_row_lines(name, signal)
     ]
     if alignment is not None:
-        data["alignment"] = alignment.as_dict()
+        first_s = data["time_s"][0]
+        since = [at_s - first_s for at_s in (alignment.from_s, alignment.to_s)]
+        data["alignment"] = {**alignment.as_dict(), "since_first_row_s": since}
         for name, signal in data["signals"].items():
             for channel, took, move in zip(
                 signal["channels"], alignment.corrections[name], alignment.moves[name], strict=True

@@ -11,7 +11,7 @@ from rig.core.column import Column
 from rig.core.errors import BadLog
 from rig.log.recordings.formats.contents import LogContents
 from rig.log.recordings.formats.log_info import log_info
-from rig.log.recordings.stamps import digits
+from rig.log.recordings.stamps import digits, span
 
 _TOPICS: Final = (
     *(Column("topic"), Column("measures", lambda row: ", ".join(row["measures"])), Column("rows")),
@@ -35,7 +35,7 @@ def _info(facts: dict[str, Any], all_topics: bool) -> None:
     """Print the format, the topics with sensors or all topics, what can be compared, remarks and damage."""
     first, last = facts["time_s"]
     line((facts["log"], "bold"), f"  {facts['format']} log")
-    field("span", f"{digits(first)} to {digits(last)} s, {facts['bytes']} bytes, {len(facts['topics'])} topics")
+    field("span", f"{span(first, last)}, {facts['bytes']} bytes, {len(facts['topics'])} topics")
     if all_topics:
         table(facts["topics"], _ALL)
     else:

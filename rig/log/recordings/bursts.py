@@ -1,6 +1,6 @@
 """Times in bursts: a recorder that stamps messages when a buffer is emptied, not when they were sampled.
 
-Most of the time lies between the bursts, and the steps within one say nothing of the sampling.  The samples of a burst
+Most of the time is between the bursts, and the steps within one are not those of the sampling.  The samples of a burst
 were taken since the one before: for the search of the nearest sample they are spread over that time.
 """
 
@@ -45,7 +45,7 @@ def bursts(time_s: Floats) -> Bursts | None:
 
 
 def spread(time_s: Floats, of: Bursts) -> Floats:
-    """Return the times (n,) of rows that are evenly spread from the end of the burst before to that of their own."""
+    """Return the times (n,) of rows that are evenly spread from the end of one burst to that of the next."""
     ends = np.append(of.starts[1:], len(time_s)) - 1
     end_s = time_s[ends]
     before_s = np.concatenate([[end_s[0] - of.every_s], end_s[:-1]])

@@ -1,4 +1,4 @@
-"""What one recorded channel is: ``[channel."<signal>.<number>"]`` and ``[rotation.<triad>.<number>]`` of CONFIG."""
+"""Settings of one recorded channel: ``[channel."<signal>.<number>"]`` and ``[rotation.<triad>.<number>]`` of CONFIG."""
 
 from __future__ import annotations
 

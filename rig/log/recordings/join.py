@@ -15,7 +15,7 @@ import numpy as np
 
 from rig.core.errors import BadInput
 from rig.log.foreign import Source
-from rig.log.recordings.stamps import GAP, Clock, Floats, digits
+from rig.log.recordings.stamps import GAP, Clock, Floats, span
 
 _MOST_OF: Final = 0.9
 
@@ -106,4 +106,4 @@ def _step_s(clock: Clock) -> float:
 
 
 def _span(time_s: Floats) -> str:
-    return f"{digits(float(time_s[0]))} to {digits(float(time_s[-1]))} s"
+    return span(float(time_s[0]), float(time_s[-1]))

@@ -9,6 +9,7 @@ them, one for all axes of a recorder, is taken off.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import product
 from typing import Final, NamedTuple
 
@@ -42,13 +43,19 @@ def mirrors(x: Floats) -> list[Mirror]:
     if count == 2:
         axes = _mirror(x[:, 0], x[:, 1])
         return [] if axes is None else [Mirror(1, axes, True)]
-    found: list[Mirror] = []
-    for c in range(count):
-        others = np.array([median_of(np.delete(columns, c, axis=0)) for columns in x])
-        axes = _mirror(x[:, c], others)
+    every = set(range(count))
+    found = {c: axes for c in every if (axes := _against(x, c, every - {c})) is not None}
+    kept: list[Mirror] = []
+    for c in found:  # once more without the others that were found: they are in the median
+        others = every - found.keys()
+        axes = _against(x, c, others) if others else found[c]
         if axes is not None:
-            found.append(Mirror(c + 1, axes))
-    return found
+            kept.append(Mirror(c + 1, axes))
+    return kept
+
+
+def _against(x: Floats, c: int, others: Collection[int]) -> tuple[int, ...] | None:
+    return _mirror(x[:, c], np.array([median_of(columns[sorted(others)]) for columns in x]))
 
 
 def _mirror(v: Floats, m: Floats) -> tuple[int, ...] | None:

@@ -7,9 +7,10 @@
 
 Signals are read in the unit that CONFIG gives them and converted to SI (``load``).
 
-Each source has its own times, which are checked or repaired first (stamps.py).  The rows are those of the first
-source that the mapping names; of another, each row takes the sample nearest in time, or none when the nearest is
-more than its sampling interval away.  Topics of a log of another system are averaged and interpolated (join.py).
+Each source has its own times, those of the log or of a field of its messages (source_times.py), which are unrolled
+(rollover.py) and checked or repaired (stamps.py).  The rows are those of the first source that the mapping names; of
+another, each row takes the sample nearest in time, or none when the nearest is more than its usual step away.
+Topics of a log of another system are averaged and interpolated (join.py).
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from rig.log.recordings.source_times import (
     log_field,
     nearest_rows,
     refuse_apart,
+    refuse_unknown,
     sampled_s,
     usual_step_s,
     with_fields,
@@ -168,7 +170,8 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, repair: bool) -> Recor
         raise BadInput(f"{path}: a {contents.format} log: CONFIG needs a [mapping]; rig vote --write makes one")
     names = {topic.name for topic in contents.topics}
     named = _places(path, config, names.__contains__)
-    for name, fields in fields_of(named).items():
+    refuse_unknown(wanted := fields_of(named), times.of)
+    for name, fields in wanted.items():
         topic = contents.named(path, name)
         for field in sorted(fields - set(topic.units)):
             raise BadInput(f"{path}: topic {name!r} has no field {quoted(field)}; {choices(field, topic.units)}")
@@ -246,6 +249,7 @@ def _folder(
     sources: dict[str, Source] = {}
     units: dict[Place, str] = {}
     remarks: list[str] = []
+    refuse_unknown(wanted, times)
     zero = None
     for name, fields in wanted.items():
         time = times.get(name, written.time_column)

@@ -1,6 +1,6 @@
 """Roll-over of a recorder's clock: a counter of 16 or 32 bits, a time of day, or a time of the week begins again.
 
-Time steps back by a known amount, less a usual step, and goes on as before.  It is then unrolled, and told.
+Time steps back by a known amount, less a usual step, and rises as before.  It is then unrolled, and told.
 Two signs make a roll-over unmistakable: the stamps before and after are at the two ends of what the clock can show,
 or the steps before, across and after it are usual ones.
 """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -43,7 +43,15 @@ class MessageTimes(NamedTuple):
 
 def with_fields(wanted: Mapping[str, set[str]], times: MessageTimes) -> dict[str, set[str]]:
     """Return the fields to read of each source, those of the time too."""
+    refuse_unknown(wanted, times.of)
     return {name: fields | ({times(name)} - {""}) for name, fields in wanted.items()}
+
+
+def refuse_unknown(sources: Collection[str], times: Mapping[str, str]) -> None:
+    """Raise BadInput if ``[times]`` names a source that the mapping does not."""
+    for name in times:
+        if name not in sources:
+            raise BadInput(f"[times] {quoted(name)}: not a source of [mapping]; {choices(name, sources)}")
 
 
 def by_fields(path: Path, sources: Mapping[str, Source], times: MessageTimes, remarks: list[str]) -> dict[str, Source]:
@@ -105,7 +113,7 @@ def _copies(source: Source) -> bool:
 
 def _by_field(where: str, source: Source, field: str, unit: str, remarks: list[str]) -> Source:
     stamps = source.fields[field]
-    without = ~np.isfinite(stamps) | ((stamps == 0) & ~_begins_at_zero(stamps))
+    without = ~np.isfinite(stamps) | ((stamps == 0) & ~_counts_on(stamps))
     if without.mean() >= _MOST_WITHOUT:
         remarks.append(f"{where}: {field} is 0 or missing: the time of the log is used")
         return source
@@ -119,18 +127,18 @@ def _by_field(where: str, source: Source, field: str, unit: str, remarks: list[s
     return Source(time_s, fields)
 
 
-def _begins_at_zero(stamps: Floats) -> NDArray[np.bool_]:
-    """Return (n,) True for a first stamp of 0 that the next one follows: no missing stamp."""
-    begins = np.zeros(len(stamps), bool)
-    if len(stamps) > 2 and stamps[0] == 0:
-        steps = np.diff(stamps)
-        forward = steps[steps > 0]
-        begins[0] = len(forward) > 0 and 0 < steps[0] <= GAP * np.median(forward)
-    return begins
+def _counts_on(stamps: Floats) -> NDArray[np.bool_]:
+    """Return (n,) True for a stamp of 0 that the next one follows: a clock that begins there, no missing stamp."""
+    steps = np.diff(stamps)
+    forward = steps[steps > 0]
+    follows = np.zeros(len(stamps), bool)
+    if len(forward):
+        follows[:-1] = (stamps[:-1] == 0) & (steps > 0) & (steps <= GAP * np.median(forward))
+    return follows
 
 
 def refuse_apart(path: Path, clocks: Mapping[str, Clock]) -> None:
-    """Raise BadInput if a recorder has no time in common with the first one, within a step of its own."""
+    """Raise BadInput if a recorder has no time in common with the first one, within a usual step."""
     (first, rows), *others = clocks.items()
     for name, own in others:
         slack_s = usual_step_s(own.time_s)

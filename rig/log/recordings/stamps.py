@@ -215,7 +215,7 @@ def _no_repair(time_s: Floats, wrong: NDArray[np.int64]) -> str:
     if (run := long_run(wrong, time_s)) is not None:
         first, last = run
         return (
-            f"rows {first + 1} to {last + 1} have times of their own, {digits(time_s[first])} to "
+            f"rows {first + 1} to {last + 1} have other times, {digits(time_s[first])} to "
             f"{digits(time_s[last])} s: a clock that was set, not wrong stamps; split the recording there"
         )
     return ""

@@ -1,7 +1,8 @@
 """Rows whose time is out of order: the fewest rows without which time rises, and strays at the ends.
 
 A lone wrong stamp goes and its neighbours stay.  The rows kept are a longest rising subsequence of the stamps; of
-several, the one with the earliest rows.  So the first of rows with equal stamps is kept.
+several, the one that does not end far ahead of the others, and has the earliest rows.  So the first of rows with equal
+stamps is kept.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rig.log.recordings.bursts import GAP
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -31,16 +34,30 @@ class Strays(NamedTuple):
 
 def out_of_order(time_s: Floats) -> Rows:
     """Return the fewest rows, from 0, without which ``time_s`` (n,) rises from row to row.  O(n log n)."""
-    if (np.diff(time_s) > 0).all():
+    steps = np.diff(time_s)
+    if (steps > 0).all():
         return np.empty(0, np.int64)
     ends = _lengths(time_s)
-    begins = _lengths(-time_s[::-1])[::-1]
+    last = _last(time_s, ends, steps)
+    to_last = np.flatnonzero(time_s < time_s[last])  # without what comes after the last row, or exceeds it
+    inside = np.append(to_last[to_last < last], last)
+    within = time_s[inside]
+    ends = _lengths(within)
+    begins = _lengths(-within[::-1])[::-1]
     on_longest = np.flatnonzero(ends + begins == ends.max() + 1)
     kept: list[int] = []
     for row in on_longest.tolist():
         if ends[row] == len(kept) + 1:  # the earliest of its rank; later ones of that rank are not larger
             kept.append(row)
-    return np.delete(np.arange(len(time_s)), kept)
+    return np.delete(np.arange(len(time_s)), inside[kept])
+
+
+def _last(time_s: Floats, ends: Rows, steps: Floats) -> int:
+    """Return the last row that is kept: the earliest of those that are not far ahead of the others."""
+    candidates = np.flatnonzero(ends == ends.max())
+    forward = steps[steps > 0]
+    near_s = GAP * float(np.median(forward)) if len(forward) else 0.0
+    return int(candidates[time_s[candidates] <= time_s[candidates].min() + near_s][0])
 
 
 def strays(time_s: Floats) -> Strays | None:
