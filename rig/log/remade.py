@@ -42,7 +42,8 @@ def remade_parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
         damaged = _noted(file, path, about, described)
         if damaged is not None and not about.metadata:
             raise damaged
-        frames = _Frames(described.check(about), about)
+        with damage(path, 0):
+            frames = _Frames(described.check(about), about)
         budget = Budget(whole)
         try:
             for record in records(file, path):

@@ -14,6 +14,7 @@ from traceback import clear_frames
 from typing import Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.core.files import open_regular, reported
@@ -87,12 +88,17 @@ class OpenLog(Protocol):
 def topic_of(message: str, instance: str, time_s: Floats, units: dict[str, str], device: str = "") -> Topic:
     """Return the topic of rows at ``time_s`` (n,), n >= 1."""
     name = f"{message}/{instance}" if instance else message
-    known = time_s[np.isfinite(time_s)]
+    known = _those(time_s, np.isfinite(time_s))
     steps = np.diff(known)
-    rising = steps[(steps > 0) & np.isfinite(steps)]
-    rate_hz = 1.0 / float(np.median(rising)) if len(rising) else 0.0
+    rising = _those(steps, (steps > 0) & np.isfinite(steps))
+    rate_hz = 1.0 / float(np.median(rising, overwrite_input=True)) if len(rising) else 0.0
     first_s, last_s = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     return Topic(name, message, instance, len(time_s), first_s, last_s, rate_hz, units, device)
+
+
+def _those(values: Floats, mask: NDArray[np.bool_]) -> Floats:
+    """Return ``values[mask]``, without a copy of all."""
+    return values if mask.all() else values[mask]
 
 
 def read_log(path: Path) -> bytes:

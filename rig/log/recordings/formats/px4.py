@@ -143,7 +143,9 @@ class Px4Log(OpenLog):
             sampled = self._column(rows, "timestamp_sample").astype(np.int64)
             if sampled[0] > 0 and (np.diff(sampled) > 0).all() and (np.abs(stamps - sampled) < _APART_US).all():
                 stamps = sampled
-        return stamps.astype(np.float64) / 1e6
+        time_s = stamps.astype(np.float64)
+        time_s /= 1e6  # in place: a long log has many
+        return time_s
 
     def _unit(self, message: str, name: str, rows: _Rows) -> str:
         """Return the unit of a field; of the barometer by its values, because its name did not change."""
