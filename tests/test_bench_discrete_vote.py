@@ -172,7 +172,9 @@ def test_columns_of_a_discrete_are_written_beside_those_of_the_signals(ending: s
     found = json.loads(rig("in.csv", "--config", "c.toml", "--out", "o.csv", "--json")[1])
     door = found["discretes"]["door"]
     assert (door["fail_safe"], door["level"], door["ones_share"], door["changes"]) == (1, 2, 1.0, 0)
-    assert door["channels"][2]["failed"] == [{"frame": 13, "time_s": 1.2, "why": "comparison"}]
+    assert door["channels"][2]["failed"] == [
+        {"frame": 13, "time_s": 1.2, "why": "comparison", "since_first_row_s": 1.2}
+    ]
     assert list(found["signals"]) == ["x"] and found["not_voted"] == []
 
 

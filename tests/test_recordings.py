@@ -28,8 +28,9 @@ from rig.bench.write_votes import output, write
 from rig.core.errors import BadInput
 from rig.core.frame import State
 from rig.log import mcap_messages as limits
-from rig.log.recordings.read import nearest_rows, read
+from rig.log.recordings.read import read
 from rig.log.recordings.recording import Recording, Samples
+from rig.log.recordings.source_times import nearest_rows
 from rig.log.recordings.vote_config import VoteConfig
 
 ONE: dict[str, Any] = {"default": {"threshold": 1.0}}
@@ -193,7 +194,9 @@ def test_all_formats_hold_the_same(ending: str, rig: Any):
         assert table[f"{name}.level"].to_list() == signal.level.tolist()
     assert table.columns[:5] == ["time_s", "x.voted", "x.level", "x.pattern", "x.decided_by"]
     assert list(found["signals"]) == ["x", "gyro.left"] and found["rows"] == 40
-    assert found["signals"]["x"]["channels"][1]["failed"] == [{"frame": 13, "time_s": 0.24, "why": "invalid"}]
+    assert found["signals"]["x"]["channels"][1]["failed"] == [
+        {"frame": 13, "time_s": 0.24, "why": "invalid", "since_first_row_s": 0.24}
+    ]
 
 
 def test_a_row_number_a_time_and_a_reason_are_on_the_terminal(rig: Any):

@@ -98,7 +98,9 @@ def test_the_unit_holds_for_range_reference_and_every_threshold(vote: Any):
     code, _, found = vote("in.csv", signal={"alt": {**signal, "unit": "ft"}})
     without = vote("in.csv", signal={"alt": signal})[2]
     assert code == 0 and unwritten(found) == unwritten(without) and found["signals"]["alt"]["unit"] == "ft"
-    assert found["signals"]["alt"]["channels"][1]["failed"] == [{"frame": 108, "time_s": 2.14, "why": "invalid"}]
+    assert found["signals"]["alt"]["channels"][1]["failed"] == [
+        {"frame": 108, "time_s": 2.14, "why": "invalid", "since_first_row_s": 2.14}
+    ]
     assert found["signals"]["alt"]["voted"]["max"] == pytest.approx(without["signals"]["alt"]["voted"]["max"])
     assert without["signals"]["alt"]["unit"] is None
 

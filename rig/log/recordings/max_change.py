@@ -1,7 +1,7 @@
 """``max_change`` of a signal: a sample that changes faster from row to row than the quantity can is invalid.
 
 A sample is kept if it is within ``max_change`` of the sample before it, or of the last one that was kept, times the
-rows between.  So a spike goes alone; after a step the first sample goes, and the monitor judges the others.
+rows between.  So a spike goes alone; after a step the first sample goes, and the monitor compares the others.
 """
 
 from __future__ import annotations

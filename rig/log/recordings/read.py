@@ -29,7 +29,7 @@ from rig.core.text import choices, quoted, shorten
 from rig.core.units.conversion import conversion
 from rig.log import foreign
 from rig.log.foreign import Source
-from rig.log.recordings.calibration import calibrated
+from rig.log.recordings.channel_samples import calibrated
 from rig.log.recordings.columns_file import TABLES, Table
 from rig.log.recordings.csv_file import TableFormat
 from rig.log.recordings.doubts import out_of_range
