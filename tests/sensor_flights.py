@@ -7,7 +7,7 @@ vibration of its own.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 GRAVITY = np.array([0.0, 0.0, -9.81])
-PX4_IMU = {
-    **{"timestamp": "uint64_t", "gyro_device_id": "uint32_t"},
-    **{f"delta_angle[{i}]": "float" for i in range(3)},
-}
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,6 @@ class Flight:
     time_s: Array
     gyro: Array
     accel: Array
-    onset_s: float = field(default=0.0)
 
     def copy(self) -> Flight:
         """A flight of which the samples can be changed."""
@@ -100,7 +95,7 @@ def flown(kind: Kind) -> Flight:
         times.append(t)
         gyros.append(rates @ turn.T * gains[:3] + 0.01 * bias[:3] + noise[:, :3] + shake[:, :3])
         accels.append(forces @ turn.T * gains[3:] + 0.1 * bias[3:] + 10 * (noise[:, 3:] + shake[:, 3:]))
-    return Flight(kind, np.array(times), np.array(gyros), np.array(accels), 0.4 * kind.seconds)
+    return Flight(kind, np.array(times), np.array(gyros), np.array(accels))
 
 
 def rotation(vector: Array) -> Array:

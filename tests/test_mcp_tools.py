@@ -36,6 +36,14 @@ def test_a_flight_is_the_command_with_its_options(places: Places):
     ]
 
 
+def test_a_diagnosis_is_the_command_with_its_options(places: Places):
+    made = command(places, "diagnose", recording="log.mcap", preset="px4", inject=["step", "noise"])
+    log = str(places.write / "log.mcap")
+    assert made == ["diagnose", "--preset=px4", "--inject=step,noise", "--", log]
+    with pytest.raises(BadInput, match=r"config: .* is not in a folder that this server reads"):
+        command(places, "diagnose", recording="log.mcap", config="../secret/secret.toml")
+
+
 def test_every_tool_has_a_line_about_it_and_about_each_argument():
     for each in TOOLS:
         assert each.about.endswith(".") and "\n" not in each.about

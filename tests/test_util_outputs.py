@@ -44,6 +44,7 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (REPLAY, "--out", ("q.mcap", "r.mcap", OWN[0])),
     (VOTE, "--out", ("in.csv", "c.csv", "f.csv", OWN[2])),
     ([*VOTE, "--requirements", "m.csv"], "--out", ("m.csv",)),
+    (["diagnose", "in.csv", "--config", "c.toml"], "--page", ("in.csv", "c.toml", OWN[0])),
     (["vote", "T", "--config", "c.csv"], "--out", ("T/cells.parquet",)),
     (["vote", "D", "--config", "c.csv"], "--out", ("D/in.csv",)),
     (THRESHOLDS, "--out", ("in.csv", "c.toml", "m.csv", OWN[0])),

@@ -98,6 +98,12 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "campaign status folder": (Reader("campaign status X", **_CAMPAIGN),),
     "check --unit": (_unit(f"check {SUITE} --unit X", SUITE),),
     "check suite": (Reader("check X", SUITE, long=True),),
+    "diagnose --config": (Reader("diagnose in.csv --config X", "vote.toml", ("in.csv",)),),
+    "diagnose recorded": (
+        *_tables("diagnose X --config vote.toml", "vote.toml"),
+        Reader("diagnose X --config foreign.toml", "foreign.mcap", ("foreign.toml",)),
+        *(Reader("diagnose X", sound) for sound in _OTHER_LOGS),
+    ),
     "diff a": (_log("diff X log.mcap", "log.mcap"),),
     "diff b": (_log("diff log.mcap X", "log.mcap"),),
     "export log": (_log("export X --to csv"), _log("export X --to parquet"), _log("export X --layout foxglove")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -9,11 +10,13 @@ import numpy as np
 from rig.bench.diagnose.findings import Fault
 from rig.bench.diagnose.sensor_groups import Group, Samples
 from rig.bench.diagnose.smoothing import Flags, runs
+from rig.log.recordings.stamps import Floats
 
 LASTS_S: Final = 1.0
 _REPEATS: Final = 9
 _HELD: Final = 4.0  # usual runs of one value: a slow sensor is logged several times
 _STEPS: Final = 4.0  # smallest steps of the instance that another must move by
+_NEAR_END: Final = 0.5  # of the largest magnitude
 _STOPS_STEPS: Final = 5.0
 
 
@@ -21,19 +24,19 @@ def frozen(group: Group) -> list[Fault]:
     """Return a fault for each signal of each instance that freezes: the whole vector, or single axes."""
     found: list[Fault] = []
     for c, instance in enumerate(group.instances):
-        axes = [axis[c] for axis in group.own]
-        signals = list(enumerate(group.signals))
+        axes = range(len(group.signals))
         together = _onset(group, c, axes) if len(axes) > 1 else None
-        for a, signal in signals:
-            onset = together if together is not None else _onset(group, c, [axes[a]])
+        for a, signal in enumerate(group.signals):
+            onset = together if together is not None else _onset(group, c, [a])
             if onset is not None:
                 what = "repeats the same value while others move: frozen"
                 found.append(Fault(signal, "frozen", instance.channel, onset, _apart(group, a, c, onset), what))
     return found
 
 
-def _onset(group: Group, c: int, mine: list[Samples]) -> float | None:
-    """Return the time from which ``mine`` repeat while another instance moves by what matters; None: they do not."""
+def _onset(group: Group, c: int, axes: Sequence[int]) -> float | None:
+    """Return the time from which ``axes`` of instance c repeat while another moves; None: they do not."""
+    mine = [group.own[a][c] for a in axes]
     n = min(len(samples.values) for samples in mine)
     if n < 2 or any(not np.array_equal(s.time_s[:n], mine[0].time_s[:n]) for s in mine[1:]):
         return None
@@ -45,7 +48,7 @@ def _onset(group: Group, c: int, mine: list[Samples]) -> float | None:
         return None
     usual = _usual_run(same)
     for start, end in longest:
-        if end - start < _HELD * usual or _at_an_end(mine, start):
+        if end - start < _HELD * usual or any(_at_an_end(group, c, a, start, end) for a in axes):
             continue
         if _others_move(group, c, float(time_s[start]), float(time_s[end]), _smallest_step(mine)):
             return float(time_s[start])
@@ -58,11 +61,24 @@ def _usual_run(same: Flags) -> float:
     return float(np.median(lengths)) if len(lengths) > 2 else 1.0
 
 
-def _at_an_end(mine: list[Samples], row: int) -> bool:
-    """Return True if a run is at the largest magnitude of an axis, as at the end of the range."""
-    return any(
-        abs(s.values[row]) >= np.nanmax(np.abs(s.values)) * (1 - 1e-9) and np.nanmax(np.abs(s.values)) > 0 for s in mine
-    )
+def _at_an_end(group: Group, c: int, a: int, start: int, end: int) -> bool:
+    """Return True if a run is at the largest magnitude of axis a, and most others are near it: the end of a range."""
+    mine = group.own[a][c]
+    value, largest = float(mine.values[start]), float(np.nanmax(np.abs(mine.values)))
+    if largest == 0.0 or abs(value) < largest * (1 - 1e-9):
+        return False
+    others = [
+        float(np.median(part))
+        for j, other in enumerate(group.own[a])
+        if j != c and len(part := _within(other, float(mine.time_s[start]), float(mine.time_s[end])))
+    ]
+    return bool(others) and float(np.median(others)) * np.sign(value) > _NEAR_END * largest
+
+
+def _within(samples: Samples, start_s: float, end_s: float) -> Floats:
+    """Return the samples between two times that are numbers."""
+    values = samples.values[(samples.time_s >= start_s) & (samples.time_s <= end_s)]
+    return values[np.isfinite(values)]
 
 
 def _smallest_step(mine: list[Samples]) -> float:
@@ -76,8 +92,7 @@ def _others_move(group: Group, c: int, start_s: float, end_s: float, step: float
     needed = max(group.floor, _STEPS * step)
     for axis in group.own:
         for j, other in enumerate(axis):
-            values = other.values[(other.time_s >= start_s) & (other.time_s <= end_s)]
-            values = values[np.isfinite(values)]
+            values = _within(other, start_s, end_s)
             if j != c and len(values) and np.ptp(values) > needed:
                 return True
     return False

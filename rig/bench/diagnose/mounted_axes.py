@@ -22,6 +22,8 @@ TOLD_DEG: Final = 4.0
 _AGREE_DEG: Final = 5.0  # of the halves of the log, or a third of the angle
 _CORRELATED: Final = 0.4  # of an axis that is said to be flipped or swapped
 _BETTER: Final = 0.6  # sum of three correlations, of other axes less that of the same axes
+_BETTER_IN_HALVES: Final = 0.2  # the same in each half of the log
+_LEFT: Final = 0.3  # of the difference, with other axes; twice that in each half
 _SHARED: Final = 0.5  # correlation of the second direction in which both move
 _DELAY_S: Final = 0.3
 _SAMPLED_HZ: Final = 50.0
@@ -129,6 +131,11 @@ class _Motion(NamedTuple):
         values = None if self.values is None else self.values[..., rows]
         return _Motion(self.changed[..., rows], values, self.delay)
 
+    def lags(self) -> list[int]:
+        """Return the delays that are tried, rows, the smallest first."""
+        several = np.linspace(-self.delay, self.delay, 2 * min(self.delay, 8) + 1).round().astype(int)
+        return sorted(np.unique(several).tolist(), key=abs)
+
     def halves(self) -> tuple[_Motion, _Motion]:
         """Return the two halves of the log."""
         n = self.changed.shape[-1]
@@ -137,41 +144,59 @@ class _Motion(NamedTuple):
 
 def _turn(motion: _Motion, i: int, j: int) -> Turn | None:
     """Return how instance i is turned into instance j; None: the motion does not show it."""
-    n = motion.changed.shape[-1]
-    if n < 16:
+    if motion.changed.shape[-1] < 16:
         return None
-    whole = _whole_axes(motion, i, j)
-    halves = [_whole_axes(half, i, j) for half in motion.halves()]
-    if whole is not None and all(half is not None and np.array_equal(half, whole) for half in halves):
-        return Turn(whole, True)
-    if whole is not None:
-        return None
-    return _rotation(motion, i, j)
+    matrix, alike = _best_axes(motion, i, j)
+    moved = [a for a in range(3) if matrix[a, a] != 1]
+    if not moved or not all(float(matrix[a] @ alike[a]) > _CORRELATED for a in moved):
+        return _rotation(motion, i, j)
+    clear = _better(motion, i, j, matrix) > _BETTER
+    clear = clear and all(_better(half, i, j, matrix) > _BETTER_IN_HALVES for half in motion.halves())
+    left = [_left(part, i, j, matrix) for part in (motion, *motion.halves())]
+    if clear or (left[0] < _LEFT and max(left) < 2.0 * _LEFT):
+        return Turn(matrix, True)
+    return None if _better(motion, i, j, matrix) > _BETTER else _rotation(motion, i, j)
 
 
-def _whole_axes(motion: _Motion, i: int, j: int) -> Floats | None:
-    """Return the signed permutation of axes that makes i into j, if it is clearly better than the same axes."""
-    best, same = None, -np.inf
-    top = -np.inf
-    lags = np.unique(np.linspace(-motion.delay, motion.delay, 2 * min(motion.delay, 8) + 1).round().astype(int))
-    for lag in sorted(lags.tolist(), key=abs):
+def _best_axes(motion: _Motion, i: int, j: int) -> tuple[Floats, Floats]:
+    """Return the signed permutation of axes that makes i most like j, and the correlations (3, 3) at its delay."""
+    best, alike_best, top = np.eye(3), np.zeros((3, 3)), -np.inf
+    for lag in motion.lags():
         alike = _correlations(motion, i, j, lag)
         sums = [float((p * alike).sum()) for p in _PERMUTATIONS]
-        same = max(same, float(np.trace(alike)))
         k = int(np.argmax(sums))
         if sums[k] > top + 1e-9:
-            top, best = sums[k], (_PERMUTATIONS[k], alike)
-    assert best is not None
-    matrix, alike = best
-    moved = [a for a in range(3) if matrix[a, a] != 1]
-    clear = all(float(matrix[a] @ alike[a]) > _CORRELATED for a in moved)
-    return matrix.astype(np.float64) if moved and clear and top - same > _BETTER else None
+            top, best, alike_best = sums[k], _PERMUTATIONS[k].astype(np.float64), alike
+    return best, alike_best
+
+
+def _better(motion: _Motion, i: int, j: int, matrix: Floats) -> float:
+    """Return by how much a permutation correlates better than the same axes, the sum of three axes."""
+    alike = [_correlations(motion, i, j, lag) for lag in motion.lags()]
+    return max(float((matrix * each).sum()) for each in alike) - max(float(np.trace(each)) for each in alike)
+
+
+def _left(motion: _Motion, i: int, j: int, matrix: Floats) -> float:
+    """Return the share of the difference of changes that is left with other axes: small if axes move alike, too."""
+    with_it = min(_apart(motion, i, j, lag, matrix) for lag in motion.lags())
+    without = min(_apart(motion, i, j, lag, np.eye(3)) for lag in motion.lags())
+    return with_it / (without + 1e-30)
+
+
+def _apart(motion: _Motion, i: int, j: int, lag: int, matrix: Floats) -> float:
+    a, b = _shifted(motion, i, j, lag)
+    return float(np.mean((b - matrix @ a) ** 2))
+
+
+def _shifted(motion: _Motion, i: int, j: int, lag: int) -> tuple[Floats, Floats]:
+    """Return the changes of i, ``lag`` rows later, and of j."""
+    a, b = motion.changed[:, i], motion.changed[:, j]
+    return (a[:, lag:], b[:, : b.shape[1] - lag]) if lag >= 0 else (a[:, :lag], b[:, -lag:])
 
 
 def _correlations(motion: _Motion, i: int, j: int, lag: int) -> Floats:
     """Return (3, 3) the correlation of each axis of j with each of i, i shifted by ``lag`` rows."""
-    a, b = motion.changed[:, i], motion.changed[:, j]
-    a, b = (a[:, lag:], b[:, : b.shape[1] - lag]) if lag >= 0 else (a[:, :lag], b[:, -lag:])
+    a, b = _shifted(motion, i, j, lag)
     a, b = a - a.mean(axis=1, keepdims=True), b - b.mean(axis=1, keepdims=True)
     sizes = np.sqrt((b**2).sum(axis=1))[:, None] * np.sqrt((a**2).sum(axis=1))[None]
     made = np.divide(b @ a.T, sizes, out=np.zeros((3, 3)), where=sizes > 0)

@@ -48,7 +48,7 @@ def leave_out_range_ends(group: Group, x: Floats, rows: int, found: Findings) ->
 
 
 def _at_ends(group: Group, samples: Samples) -> Flags:
-    """Return (n,) True on the common rows where samples repeat the largest or smallest value of the log."""
+    """Return (n,) True on the common rows beside samples that repeat the largest or smallest value of the log."""
     values = samples.values
     hit = np.zeros(len(values), np.bool_)
     good = values[np.isfinite(values)]
@@ -58,9 +58,10 @@ def _at_ends(group: Group, samples: Samples) -> Flags:
     for end in (float(good.max()), float(good.min())):
         if abs(end - usual) <= max(_BEYOND * width, group.floor):
             continue
-        for first, after in runs(np.abs(values - end) <= 1e-9 * max(abs(end), 1e-9)):
-            if _ROWS <= after - first < _MOST * len(values):
+        there: Flags = np.abs(values - end) <= 1e-9 * max(abs(end), 1e-9)
+        stays = [run for run in runs(there) if run[1] - run[0] < _MOST * len(values)]
+        if sum(after - first for first, after in stays) >= _ROWS and any(after - first > 1 for first, after in stays):
+            for first, after in stays:
                 hit[first:after] = True
     at = np.clip(np.searchsorted(samples.time_s, group.time_s), 0, len(values) - 1)
-    before = np.maximum(at - 1, 0)
-    return hit[at] & hit[before]
+    return hit[at] | hit[np.maximum(at - 1, 0)]

@@ -12,7 +12,7 @@ from rig.log.recordings.stamps import Floats
 
 Flags = NDArray[np.bool_]
 _SPREAD: float = 1.4826  # of the median deviation of a normal distribution, to its standard deviation
-_CLIP: float = 8.0  # spreads: a step in one channel is no motion
+_CLIP: float = 4.0  # spreads: a step in one channel is no motion
 
 
 def smoothed(x: Floats, rows: int) -> Floats:
