@@ -14,8 +14,11 @@ from test_log_writer import write
 
 from rig.core.errors import BadLog
 from rig.flight.events import Event
+from rig.flight.fly import fly
 from rig.log import LogFile, read_log
 from rig.log.info import info
+from rig.log.recordings.read import read
+from rig.log.recordings.vote_config import VoteConfig
 from rig.log.scan import contents, recover
 
 LOGS = Path(__file__).parent / "logs"
@@ -208,3 +211,22 @@ def test_commands_read_it_as_the_log_of_the_flight(flown: Path, tmp_path: Path, 
             assert {**before, "log": ""} == {**after, "log": ""}
         else:
             assert said[0] == said[1]
+
+
+def test_servos_and_computers_come_back_too(tmp_path: Path):
+    from test_verdict_actuators import HARDOVER, given
+
+    log = fly(None, overrides=[*given((HARDOVER,), seconds=1.0), "computers.count=4"], out=tmp_path / "logs").log
+    assert read_log(log).parts is not None
+    write_again(log, tmp_path / "b.mcap", Structure(shuffled=True, declared="chunk", compression="lz4"))
+    assert_equal(tmp_path / "b.mcap", log)
+
+
+@pytest.mark.parametrize("name", ["no summary", "messages beside chunks", "channels numbered anew", "lz4"])
+def test_an_output_of_a_vote_is_read_in_another_structure_too(name: str, tmp_path: Path):
+    write_again(LOGS / "vote_schema_2.mcap", tmp_path / "b.mcap", STRUCTURES[name])
+    whole, found = (read(path, VoteConfig()) for path in (LOGS / "vote_schema_2.mcap", tmp_path / "b.mcap"))
+    assert found.time_s.tolist() == whole.time_s.tolist()
+    for signal, samples in whole.signals.items():
+        for ours, theirs in zip(samples.channels, found.signals[signal].channels, strict=True):
+            assert ours.tobytes() == theirs.tobytes()

@@ -24,6 +24,7 @@ from rig.log.message_time import seconds
 from rig.log.publishers import names_of, overlapping
 from rig.log.signal_messages import FIELDS
 
+_NAN: Final = float("nan")
 _MALFORMED: Final = (*BROKEN, TypeError)  # the last: of a schema that protobuf does not take
 
 
@@ -149,12 +150,13 @@ class _Collector:
             decode = self._decode[channel.id] = self._decoder(schema, channel)
         message = decode(data)
         numbers = [field.number(message, schema, self._where) for field in self._fields]
-        self._times.append(time)
+        self._times.append(time)  # behind all that may refuse the message
         self._channels.append(channel.id)
         for field, number in zip(self._fields, numbers, strict=True):
             if number is None:
                 field.lack(len(self._times), message)
-            field.values.append(float("nan") if number is None else number)
+                number = _NAN
+            field.values.append(number)
         return 8 + 8 * len(self._fields)
 
     def source(self) -> Source:
@@ -205,9 +207,9 @@ class _Field:
             return self._default(schema)
         try:
             value = seconds(value)
-            return float("nan") if value is None else float(value)
+            return _NAN if value is None else float(value)
         except OverflowError:  # a whole number beyond all floats: not a sample
-            return float("nan")
+            return _NAN
         except (TypeError, ValueError):
             raise BadInput(f"{where}: no number {quoted(self.name)} in its messages") from None
 

@@ -1,4 +1,4 @@
-"""The records of a log, what they say of it, and whether they are those of this rig."""
+"""Records of a log: its contents beside its frames, its schemas and channels, and its checksums."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _as(kind: type[R], record: LogRecord) -> R:
 
 
 def note(record: LogRecord, path: Path, about: About, described: Descriptions) -> None:
-    """Note what ``record``, no chunk, says."""
+    """Note the contents of ``record``, no chunk."""
     if record.opcode == Opcode.METADATA:
         entry = _as(Metadata, record)
         if entry.name == RIG:
@@ -213,7 +213,7 @@ class Descriptions:
             self._channels[channel.id] = channel
 
     def renumber(self, channels: Mapping[int, Channel], schemas: Mapping[int, Schema]) -> dict[int, int]:
-        """Take the channels of a file that another program numbered; our number of each that is ours, by its own."""
+        """Take the channels of a file that another program numbered; return the rig's numbers, by those of the file."""
         self._schemas = dict(schemas)
         numbers: dict[int, int] = {}
         for channel in channels.values():

@@ -1,4 +1,4 @@
-"""What an MCAP file of any legal structure declares, and its messages.
+"""Channels, schemas and messages of an MCAP file of any legal structure.
 
 Channels and schemas may be declared in the data section, in the summary or in chunks alone; messages stand in chunks
 and beside them; a summary, its statistics and its index may be missing; records that are not known are skipped.  So the

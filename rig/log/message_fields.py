@@ -112,6 +112,8 @@ def _along(value: Any, steps: Sequence[str]) -> Any:
 
 def _step(value: Any, name: str) -> Any:
     """Return what ``value`` has under a name, or in a place; _MISSING: nothing."""
+    if type(value) is dict:  # first, because it is the quickest
+        return value.get(name, _MISSING)
     if isinstance(value, Message):
         return getattr(value, name) if name in value.DESCRIPTOR.fields_by_name else _MISSING
     try:

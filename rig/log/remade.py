@@ -1,8 +1,8 @@
 """A log of the rig that another program wrote again: filtered, sorted, with other chunks, compression or none.
 
 The messages are the rig's, byte for byte; their channels may have other numbers, and they may stand in any order, in
-chunks and beside them.  They are put together again frame by frame, each by its time.  What the rig does not know is
-skipped.  A frame that lacks a message, or has one twice, is damage.
+chunks and beside them.  They are put together again frame by frame, each by its time.  Channels that the rig does not
+know are skipped.  A frame that lacks a message, or has one twice, is damage.
 """
 
 from __future__ import annotations
@@ -101,14 +101,14 @@ class _Frames:
         self._next, self._ready = 0, list[int]()  # the frames before ``_next`` are whole; those that were not given
 
     def take(self, message: bytes, numbers: dict[int, int]) -> None:
-        """Take a message, from its head on, if it is one of ours.  ValueError: not as the rig writes it."""
+        """Take a message, from its head on, if its channel is one of the rig.  ValueError: not as the rig writes it."""
         channel, sequence, time, _ = MESSAGE_HEAD.unpack_from(message)
         number = numbers.get(channel)
         if number is None:
             return
         if number == EVENT_CHANNEL:
             frame = round(time * self._rate_hz / 1e9)
-            frame = frame if self._time(frame) == time else sequence  # which a program may have numbered anew
+            frame = frame if self._time(frame) == time else sequence  # which a program may have numbered again
             self._events.append((time, event_of(frame, time, message[MESSAGE_HEAD.size :])))
         elif (size := self._sizes.get(number)) is None:
             self._others.setdefault(number, []).append(time)
@@ -122,7 +122,7 @@ class _Frames:
             self._counts[time] = self._counts.get(time, 0) + 1
 
     def whole(self, least: int, last: bool = False) -> Iterator[Part]:
-        """Yield the frames that are whole and follow the one before, if they are at least so many.
+        """Yield the frames that are whole and follow the one before, if they are ``least`` or more.
 
         last : no message comes any more; those behind a gap too
         """
@@ -146,7 +146,7 @@ class _Frames:
         return round(frame * 1e9 / self._rate_hz)
 
     def lacking(self) -> str:
-        """Say which frame lacks a message; "": none does."""
+        """Return which frame lacks a message; "": none does."""
         if not self._counts:
             return ""
         time = min(self._counts)

@@ -101,7 +101,7 @@ class _Source(NamedTuple):
 
     @property
     def remarks(self) -> list[str]:
-        """What is told."""
+        """Remarks for the user."""
         return [f"{self.comments} lines that begin with # were left out"] if self.comments else []
 
     @property

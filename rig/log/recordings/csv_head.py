@@ -1,8 +1,8 @@
 """The head of a CSV file: which line names the columns, what stands before it, and a row of units behind it.
 
 Decoders and spreadsheets write comments (#), a block of settings before the header, blanks beside separators, quotes, a
-separator at the end of each line, a column without a name, and a row of units.  What is found beside names and numbers
-is told, or used.
+separator at the end of each line, a column without a name, and a row of units.  Units are used; anything else beside
+names and numbers is left out, and told if it may matter.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BRACKETS: Final = {"[": "]", "(": ")", "{": "}"}
 
 
 class Head(NamedTuple):
-    """What a file says before its rows."""
+    """The contents of a file before its rows."""
 
     separator: str
     names: list[str]  # of the columns; "" has none

@@ -1,4 +1,4 @@
-"""What an entry of ``[mapping]`` names: a source, which is a topic or a file in a folder, and a field of it.
+"""Entries of ``[mapping]``: each names a source, which is a topic or a file in a folder, and a field of it.
 
 /imu1:angular_velocity.x    source and field
 imu:gyro:x                  both may hold colons: the longest name that is a source counts

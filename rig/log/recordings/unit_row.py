@@ -1,4 +1,4 @@
-"""The units that a table gives in a row of its own, as those of the signals for which CONFIG gives none."""
+"""Units that a table gives in its second row, for the signals to which CONFIG gives none."""
 
 from __future__ import annotations
 
