@@ -77,7 +77,7 @@ class Table:
 
     @cached_property
     def time_unit(self) -> str:
-        """The unit of times that are numbers: of CONFIG, else of a row of units, which is told."""
+        """The unit of times that are numbers: that of CONFIG, otherwise that of a row of units, which is told."""
         given, stated = self.written.time_unit, self.units.get(self.written.time_column)
         if given is not None or stated in (None, "s"):
             return given or "s"
