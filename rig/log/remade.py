@@ -58,7 +58,10 @@ def remade_parts(file: BinaryIO, path: Path, about: About) -> Iterator[Part]:
         with damage(path, whole.size):
             yield from frames.whole(1, last=True)
         if damaged is not None:
-            raise damaged
+            try:
+                raise damaged
+            finally:
+                damaged = None  # an error that its own frame holds keeps all blocks until a collection
         if lacking := frames.lacking():
             raise Damaged(path, lacking, whole.size)
 
