@@ -328,7 +328,7 @@ def test_every_option_that_names_an_output_is_in_the_tables():
     assert found == listed
 
 
-OPTIONS = ("--out", "--save", "--screenshot", "--plot", "--report", "--chain", "--svg", "--junit")
+OPTIONS = ("--page", "--out", "--save", "--screenshot", "--plot", "--report", "--chain", "--svg", "--junit")
 GROUPS = ("campaign", "reliability", "aircraft", "study")
 
 
