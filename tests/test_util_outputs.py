@@ -52,7 +52,6 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["thresholds", "D", "--budget", "3"], "--out", ("D/in.csv",)),
     (["view", "q.mcap", "b.mcap"], "--save", ("q.mcap", "b.mcap", OWN[0])),
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
-    (["view", "in.csv", "--config", "c.csv"], "--save", ("in.csv", "c.csv", OWN[2])),
     (["campaign", "report", "C"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
     (["benchmark", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
@@ -329,7 +328,7 @@ def test_every_option_that_names_an_output_is_in_the_tables():
     assert found == listed
 
 
-OPTIONS = ("--out", "--save", "--screenshot", "--plot", "--page", "--report", "--chain", "--svg", "--junit")
+OPTIONS = ("--page", "--out", "--save", "--screenshot", "--plot", "--report", "--chain", "--svg", "--junit")
 GROUPS = ("campaign", "reliability", "aircraft", "study")
 
 

@@ -41,8 +41,8 @@ def diagnose(options: DiagnoseOptions) -> None:
     """Find out which sensor of a recording was wrong, since when, and whether the manager would have isolated it."""
     from rig.bench.diagnose.diagnose_run import diagnose_file
 
-    require_page("--page", options.page)
     require_apart({"--page": options.page}, [options.recorded, options.config])
+    require_page("--page", options.page)
     kinds = () if options.inject is None else tuple(names("--inject", options.inject))
     with working("reading", not options.as_json):
         found = diagnose_file(options.recorded, options.config, options.preset, inject=kinds)

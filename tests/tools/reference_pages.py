@@ -107,6 +107,7 @@ FUNCTIONS: Final = (
     ("rig.score", "rig/bench/api.py", "score"),
     ("rig.report", "rig/show/pages/flight_page.py", "write_report"),
     ("rig.vote", "rig/bench/api.py", "vote"),
+    ("rig.diagnose", "rig/bench/api.py", "diagnose"),
     ("rig.read_log", "rig/show/notebook/log.py", "read_log"),
 )
 _LOG: Final = "rig/log/reader.py"
@@ -116,6 +117,10 @@ CLASSES: Final = (
     ("rig.Scenario", [("rig/scenario/scenario.py", "Scenario")]),
     ("Scored", [("rig/verdict/of_log.py", "Scored")]),
     ("Votes", [("rig/bench/vote_run.py", "Votes")]),
+    ("Diagnosis", [("rig/bench/diagnose/diagnosis.py", "Diagnosis")]),
+    ("SignalDiagnosis", [("rig/bench/diagnose/findings.py", "SignalDiagnosis")]),
+    ("Convention", [("rig/bench/diagnose/findings.py", "Convention")]),
+    ("InFlight", [("rig/bench/diagnose/findings.py", "InFlight")]),
     ("SignalArrays", [(_LOG, "SignalArrays")]),
     ("DiscreteArrays", [(_LOG, "DiscreteArrays")]),
     ("Event", [("rig/core/event.py", "Event")]),

@@ -14,14 +14,14 @@ from rig.bench.diagnose.paragraphs import paragraph, title
 class Diagnosis:
     """Verdicts on all signals of a recording that have two channels or more."""
 
-    path: str
-    threshold_of: str
-    zero_s: float  # of the log, from which seconds are counted
-    quantities: dict[str, QuantityDiagnosis]
-    remarks: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-    refused: dict[str, str] = field(default_factory=dict)
-    injected: tuple[dict[str, Any], ...] = ()
+    path: str  # the recording
+    threshold_of: str  # source of the thresholds: a preset or the configuration
+    zero_s: float  # time of the log from which seconds are counted
+    quantities: dict[str, QuantityDiagnosis]  # by name; a vector has a signal for each axis
+    remarks: tuple[str, ...] = ()  # on the reading of the log
+    warnings: tuple[str, ...] = ()  # doubts about the log
+    refused: dict[str, str] = field(default_factory=dict)  # quantities without common rows, and the reason
+    injected: tuple[dict[str, Any], ...] = ()  # a row for each fault that was tried on copies
 
     @property
     def signals(self) -> dict[str, SignalDiagnosis]:

@@ -26,23 +26,18 @@ class Instance:
 
 @dataclass(frozen=True, slots=True)
 class Convention:
-    """A constant property of one instance that is no fault in flight.
+    """A constant property of one instance that is no fault in flight."""
 
-    value : factor of a unit, degrees of a mounting, seconds of a delay, an offset in the unit of the signal, or axes
-    named : False: one of two instances, and the log cannot tell which
-    corrected : it was taken off before the comparison
-    """
-
-    quantity: str
-    instance: Instance
-    kind: ConventionKind
-    value: float | str
-    text: str
-    named: bool = True
-    corrected: bool = True
+    quantity: str  # of the instance
+    instance: Instance  # channel, topic and device
+    kind: ConventionKind  # of the convention
+    value: float | str  # factor, axes, deg, s, or unit of the signal
+    text: str  # the same in words
+    named: bool = True  # False: one of two instances
+    corrected: bool = True  # it was taken off before the comparison
     signal: str = ""  # of an offset
     angle: bool = False  # of a mounting, estimated: no whole axes
-    matrix: Matrix | None = None  # of a unit, axes, a mounting: from what it measures to what the others do
+    matrix: Matrix | None = None  # from what it measures to what the others do
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,47 +62,38 @@ class Isolation:
 
 @dataclass(frozen=True, slots=True)
 class InFlight:
-    """Decisions of the manager on the rows as joined, with the threshold of the preset or the configuration.
+    """Decisions of the manager on the rows as joined, with the threshold of the preset or the configuration."""
 
-    isolated : the channel of the verdict, or for "one_of" any channel, was isolated at or after the fault
-    vote_error : largest distance of the vote from the other channels since the fault, unit of the signal
-    """
-
-    manager: str
-    threshold: float
-    threshold_of: str
-    persistence_s: float
-    isolated: bool
-    at_s: float | None
-    vote_error: float | None
-    isolations: tuple[Isolation, ...] = ()
+    manager: str  # name of the manager
+    threshold: float  # unit of the signal
+    threshold_of: str  # a preset, or the configuration
+    persistence_s: float  # of a miscompare until isolation
+    isolated: bool  # the channel of the verdict was isolated since the fault
+    at_s: float | None  # s since the first row
+    vote_error: float | None  # largest distance of the vote from the other channels since the fault
+    isolations: tuple[Isolation, ...] = ()  # all of them
 
 
 @dataclass(frozen=True, slots=True)
 class SignalDiagnosis:
-    """The verdict of one signal.  Amounts are in ``unit``; times in seconds since the first row, and of the log.
+    """The verdict of one signal."""
 
-    difference : of the fault; without one the largest difference that lasted
-    in_thresholds : ``difference`` in units of ``threshold``
-    smallest_told : a step below this could not be told
-    """
-
-    quantity: str
-    verdict: Verdict
-    unit: str
-    channel: int | None = None
-    instance: str | None = None
-    device: str | None = None
-    kind: Kind | None = None
-    since_s: float | None = None
-    time_s: float | None = None
-    difference: float | None = None
-    in_thresholds: float | None = None
-    threshold: float | None = None
-    smallest_told: float | None = None
-    in_flight: InFlight | None = None
-    text: str = ""
-    remarks: tuple[str, ...] = ()
+    quantity: str  # of the signal
+    verdict: Verdict  # of the log
+    unit: str  # of all amounts here
+    channel: int | None = None  # the wrong one, from 1
+    instance: str | None = None  # its topic or column
+    device: str | None = None  # its device id
+    kind: Kind | None = None  # of the fault
+    since_s: float | None = None  # s since the first row
+    time_s: float | None = None  # the same in the time of the log
+    difference: float | None = None  # of the fault; without one the largest that lasted
+    in_thresholds: float | None = None  # the difference, relative to what counts then
+    threshold: float | None = None  # of the comparison of half-second means
+    smallest_told: float | None = None  # a step below this could not be told
+    in_flight: InFlight | None = None  # decisions of the manager on the rows as joined
+    text: str = ""  # the fault in words
+    remarks: tuple[str, ...] = ()  # why nothing can be told
 
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict as plain data."""
