@@ -326,3 +326,15 @@ def test_an_mcap_file_of_another_encoding_is_left_to_its_reader(tmp_path: Path):
         writer.add_message(channel, 1, json.dumps({"x": 1}).encode(), 1)
         writer.finish()
     assert open_log(tmp_path / "x.mcap") is None
+
+
+def test_the_time_of_a_topic_may_be_a_field_of_it(tmp_path: Path):
+    written(tmp_path / "bag", two_imus)
+    names = sorted(topics(Ros2Log(tmp_path / "bag")))
+    mapping = {f"x.{c}": f"{name}:angular_velocity.x" for c, name in enumerate(names[:2], 1)}
+    tables = {"default": {"threshold": 1.0}, "mapping": mapping}
+    plain = read(tmp_path / "bag", config_of(tables, Path("c")))
+    named = read(tmp_path / "bag", config_of({**tables, "time": "header.stamp"}, Path("c")))
+    assert named.time_s.tolist() == plain.time_s.tolist()
+    with pytest.raises(BadInput, match=r"time: no field 'header\.stmp'; .*header\.stamp"):
+        read(tmp_path / "bag", config_of({**tables, "time": "header.stmp"}, Path("c")))

@@ -17,6 +17,7 @@ from rig.log.recordings.mirrored import mirrors
 from rig.log.recordings.read import load
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.vote_config import config_of
+from rig.studies.thresholds.data import load as load_flights
 
 N = 600
 T = np.arange(N) / 100
@@ -293,3 +294,31 @@ def test_a_mirrored_recorder_is_told_and_never_taken_off(vote: Any):
     assert found["signals"]["y"]["channels"][2]["state"] == "failed"
     _, text, found = vote("--align", "--align-matrix", **tables, channel={"y.3": {"sign": -1}})
     assert "mirrored" not in text and found["signals"]["y"]["level"] == 3
+
+
+def test_a_design_of_thresholds_leaves_out_what_is_known_bad_or_too_fast():
+    spiky = np.where(np.arange(N) == 9, 50.0, RATE)
+    table(x__1=RATE, x__2=spiky, x__3=RATE + 7.0)
+    config = config_of({"signal": {"x": {"threshold": 0.1, "bad_from_start": [3], "max_change": 1.0}}}, SOURCE)
+    (block,) = load_flights([Path("in.csv")], config, "c.toml").signals["x"]
+    assert np.isnan(block.samples[2]).all() and np.flatnonzero(np.isnan(block.samples[1])).tolist() == [9]
+
+
+QUADS = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.mark.skipif(not (QUADS / "quad_imu").is_dir(), reason="the recordings are not here")
+@pytest.mark.parametrize("folder", ["quad_imu", "quad_imu_horizontal"])
+def test_a_flipped_gyro_axis_of_real_recorders_is_named_in_all_flights(folder: str):
+    mapping = {f"{a}.{c}": f"IMU_{c}.csv:Gyr_{a.upper()}" for a in "xyz" for c in range(1, 5)}
+    config = config_of({"time_column": "time", "default": {"threshold": 10.0}, "mapping": mapping}, SOURCE)
+    flights = sorted((QUADS / folder).glob("path_*"))
+    for flight in flights:
+        recorded, _ = load(flight, config, "c.toml", repair=True)
+        x = np.array([recorded.signals[axis].channels for axis in "xyz"])[:, :, :720]  # six seconds
+        assert mirrors(x) == []
+        for c in range(4):
+            x[1, c] *= -1.0
+            assert [(found.channel, found.axes) for found in mirrors(x)] == [(c + 1, (1,))], (flight.name, c)
+            x[1, c] *= -1.0
+    assert len(flights) >= 4

@@ -23,7 +23,7 @@ from rig.log.recordings.stamps import rows_a_second
 from rig.log.recordings.vote_config import VoteConfig
 
 N = 400
-T = 50.0 + np.arange(N) / 100
+T: Any = 50.0 + np.arange(N) / 100
 EPOCH_NS = 1_700_000_000_000_000_000
 MAPPING = {"x.1": "/a:x", "x.2": "/b:x"}
 Message = tuple[str, int, dict[str, Any]]
@@ -108,6 +108,12 @@ def test_stamps_of_zero_fall_back_to_the_time_of_the_log():
     assert len(recorded.time_s) == N - 2 and "2 messages without t were left out" in recorded.remarks[0]
     recorded = at(write(both(lambda k: {"t": k / 100})), time="t")  # begins at 0: no missing stamp
     assert len(recorded.time_s) == N and not recorded.remarks
+
+
+def test_messages_without_any_time_are_refused_with_the_key_that_helps():
+    with pytest.raises(BadInput, match=r"/a: .*all rows have one time.*; time in CONFIG names a field of the messages"):
+        at(write(both(lambda k: {"t": float(T[k])}, lambda k: 0)))
+    assert at(Path("in.mcap"), time="t").time_s == pytest.approx(T)
 
 
 def test_a_field_that_rolls_over_is_unrolled():

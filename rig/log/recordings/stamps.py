@@ -67,7 +67,7 @@ def clock(source: str, time_s: Floats, repair: bool = False, unit: bool = True) 
     _check_numbers(source, time_s, unit)
     wrong = out_of_order(time_s)
     if len(wrong) and not repair:
-        raise BadInput(_refusal(source, time_s, wrong))
+        raise BadInput(_refusal(source, time_s, wrong, unit))
     kept = np.delete(np.arange(len(time_s)), wrong)
     ends = strays(time_s[kept]) if repair else None
     if ends is not None:
@@ -76,7 +76,7 @@ def clock(source: str, time_s: Floats, repair: bool = False, unit: bool = True) 
     if len(wrong) == 0:
         _check_interval(source, time_s, unit)
         return Clock(time_s, source=source)
-    if why := _no_repair(time_s, wrong):
+    if why := _no_repair(time_s, wrong, unit):
         raise BadInput(f"{source}: {why}")
     _check_interval(source, time_s[kept], unit)
     repaired = Repair(source, len(time_s), len(wrong), [int(k) + 1 for k in wrong[:NAMED]])
@@ -188,7 +188,7 @@ def _check_interval(source: str, time_s: Floats, unit: bool) -> None:
         raise BadInput(f"{source}: {TIME} rises by {interval:g} s a row; at least {SHORTEST_S:g}{hint}")
 
 
-def _refusal(source: str, time_s: Floats, wrong: NDArray[np.int64]) -> str:
+def _refusal(source: str, time_s: Floats, wrong: NDArray[np.int64], unit: bool) -> str:
     """Return why stamps of which the rows ``wrong`` are out of order are refused, and what can be done."""
     late = late_rows(time_s)
     row = int(late[0])
@@ -199,14 +199,15 @@ def _refusal(source: str, time_s: Floats, wrong: NDArray[np.int64]) -> str:
         count = f"{'1 row repeats or steps' if one else f'{len(wrong)} rows repeat or step'} back ({rows})"
     else:
         count = f"{'1 row is' if one else f'{len(wrong)} rows are'} out of order ({rows})"
-    way_out = _no_repair(time_s, wrong) or f"{OPTION} drops {which}"
+    way_out = _no_repair(time_s, wrong, unit) or f"{OPTION} drops {which}"
     return f"{source}: row {row + 1}: {TIME} must rise, got {got:.15g} after {before:.15g}; {count}; {way_out}"
 
 
-def _no_repair(time_s: Floats, wrong: NDArray[np.int64]) -> str:
+def _no_repair(time_s: Floats, wrong: NDArray[np.int64], unit: bool) -> str:
     """Return why the rows ``wrong`` cannot be dropped; "": they can."""
     if len(np.unique(time_s)) == 1 and len(time_s) > 2:
-        return f"all rows have one time: {TIME} cannot be repaired"
+        field = "" if unit else "; time in CONFIG names a field of the messages that has it"
+        return f"all rows have one time: {TIME} cannot be repaired{field}"
     if 2 * len(wrong) > len(time_s):
         return (
             f"{OPTION} would drop {len(wrong)} of {len(time_s)} rows, from row {wrong[0] + 1} on: "
