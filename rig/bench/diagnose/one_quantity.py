@@ -26,6 +26,9 @@ LEAST_ROWS: Final = 20
 LEAST_S: Final = 3.0
 SLOW_HZ: Final = 5.0  # below it vibration and short faults cannot be told
 _LEAST_SHARE: Final = 0.2  # of the rows, before an instance freezes; with fewer it is left out instead
+_FASTER: Final = {  # PX4-Autopilot, src/modules/logger/params.c
+    "px4": "; PX4 logs gyros, accelerometers and barometers faster with bit 6 (sensor comparison) of SDLOG_PROFILE"
+}
 
 
 class Shown(NamedTuple):
@@ -91,7 +94,7 @@ def diagnose_group(
         found.remarks.append("one channel is left: nothing to compare")
     firsts = _first_faults(found.faults)
     flights, voted = fly(group, corrected, threshold_of, firsts) if flown else ({}, None)
-    _tell_rate(group, found)
+    _tell_rate(group, found, threshold_of)
     signals = {
         name: _verdict(group, a, firsts.get(name), compared.get(name), levels, flights.get(name), zero_s)
         for a, name in enumerate(group.signals)
@@ -181,11 +184,12 @@ def _first_faults(faults: list[Fault]) -> dict[str, Fault]:
     return firsts
 
 
-def _tell_rate(group: Group, found: Findings) -> None:
+def _tell_rate(group: Group, found: Findings, threshold_of: str) -> None:
     if group.rate_hz < SLOW_HZ:
+        faster = next((how for system, how in _FASTER.items() if threshold_of.endswith(system)), "")
         found.remarks.append(
             f"{group.rate_hz:.2g} rows a second: faults shorter than {3.0 / group.rate_hz:.1f} s, and vibration, "
-            "cannot be told"
+            f"cannot be told{faster}"
         )
 
 
