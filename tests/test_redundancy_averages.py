@@ -166,7 +166,7 @@ def flight(apart: float, seed: int = 3) -> Floats:
 def test_a_bias_that_is_learned_fails_no_channel_and_a_fault_beyond_it_does(manager: str):
     told, settings = LEARNERS[manager]
     samples = flight(0.25)
-    learning = {**told, "bias_bound": 0.3, "bias_frames": 100}
+    learning = {**told, "learned_bias": 0.3, "learned_frames": 100}
     plain = vote_samples(samples, manager=manager, told=told, reference=0.0, **settings)
     learned = vote_samples(samples, manager=manager, told=learning, reference=0.0, **settings)
     assert plain.failed_at()[0] is not None and learned.failed_at() == [None] * 4
@@ -179,7 +179,7 @@ def test_a_bias_that_is_learned_fails_no_channel_and_a_fault_beyond_it_does(mana
 @pytest.mark.parametrize("manager", LEARNERS)
 def test_a_bias_is_learned_up_to_its_bound(manager: str):
     told, settings = LEARNERS[manager]
-    learning = {**told, "bias_bound": 0.05, "bias_frames": 100}
+    learning = {**told, "learned_bias": 0.05, "learned_frames": 100}
     out = vote_samples(flight(0.6), manager=manager, told=learning, reference=0.0, **settings)
     assert out.failed_at()[0] is not None
 
@@ -187,6 +187,6 @@ def test_a_bias_is_learned_up_to_its_bound(manager: str):
 @pytest.mark.parametrize("manager", ["cusum", "cross-voter"])
 def test_a_learned_bias_moves_no_vote(manager: str):
     samples = flight(0.25)
-    told = [{"bias_bound": bound, "bias_frames": 100} for bound in (0.0, 0.3)]
+    told = [{"learned_bias": bound, "learned_frames": 100} for bound in (0.0, 0.3)]
     both = [vote_samples(samples, manager=manager, told=each) for each in told]
     assert np.array_equal(both[0].voted, both[1].voted) and (both[1].state == State.OK).all()

@@ -142,7 +142,7 @@ def with_settings(
     baselines : its settings, by default when not given; signals : names of the records
     """
     names, given = signals or [""] * len(params), baselines or of_baselines.Baselines()
-    learns = name in LEARNERS and any(getattr(given, LEARNERS[name]).of(each).bias_bound > 0.0 for each in names)
+    learns = name in LEARNERS and any(getattr(given, LEARNERS[name]).of(each).learned_bias > 0.0 for each in names)
     return of_baselines.with_baseline(params, name, given, names) if name in BASELINES or learns else params
 
 

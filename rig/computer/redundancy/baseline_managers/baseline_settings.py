@@ -26,10 +26,10 @@ SETS: Final = 1 << MEMBERS
 
 
 class LearnedBias(Settings):
-    """What each manager that compares residuals may learn; all of "cross-voter" and "selection"."""
+    """Settings of a learned bias, for each manager that compares residuals; all of "cross-voter" and "selection"."""
 
-    bias_bound: float = Field(default=0.0, ge=0)  # largest bias that is learned, thresholds; 0: none is
-    bias_frames: int = Field(default=1000, ge=1)  # time constant of the learning
+    learned_bias: float = Field(default=0.0, ge=0)  # largest bias that is learned, thresholds; 0: none is
+    learned_frames: int = Field(default=1000, ge=1)  # time constant of the learning
     signals: dict[str, dict[str, Any]] = {}  # of single signals, in place of the others
 
     @model_validator(mode="after")
@@ -255,7 +255,7 @@ def table_of(manager: str) -> str:
 def _tell(row: Any, chosen: LearnedBias) -> None:
     """Write the settings of one signal into its record; what a baseline manager does not have stays as it is."""
     threshold, told = float(row["threshold"]), chosen.model_dump()
-    row["bias_bound"], row["bias_gain"] = chosen.bias_bound * threshold, 1.0 / chosen.bias_frames
+    row["bias_bound"], row["bias_gain"] = chosen.learned_bias * threshold, 1.0 / chosen.learned_frames
     if not isinstance(chosen, Baseline):
         return
     row["holds_ties"], row["bounded"] = chosen.ties == "hold", chosen.bounded

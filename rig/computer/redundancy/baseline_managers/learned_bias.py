@@ -1,7 +1,7 @@
 """A bias of each channel, learned while all channels are calm, for every manager that compares residuals.
 
-The lasting difference of a channel from the others is no fault as long as it stays within a bound.  y = x - bias is
-what is compared, with the middle of y and not of x: else the middle would jump by a bias when a channel leaves.
+The lasting difference of a channel from the others is no fault while it stays within a bound.  y = x - bias is
+compared, with the middle of y and not of x, which jumps by a bias when a channel leaves.
 The vote stays that of x.  A bias is the mean of its residuals for as many frames as the time constant has, then it
 follows with that time constant; it is held within the bound, and stands while a statistic is above half its limit.
 
@@ -33,7 +33,7 @@ CALM: Final = 0.5  # of a limit
 def take_off(n, reference, p, st):
     """Write ``y`` of the ``n`` ranked samples; return its middle, the last vote for none.
 
-    reference : where it is usable, else NaN; of an even number it is held between the two middle ones
+    reference : NaN where it is not usable; of an even number it is held between the two middle ones
     """
     y, order = st["y"], st["y_order"]
     if n == 0:

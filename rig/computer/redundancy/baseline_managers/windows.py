@@ -6,8 +6,8 @@ window_median  the median of each residual over its last frames; beyond a limit 
 gate_mean      the mean of the channels; the low-passed deviation of each from it is integrated beyond a gate, and a
                channel whose integral is used up leaves for good.  iNav's proposal to average two gyros (pull request
                11958 of 2026), whose gate is that of PX4's selector; PX4 names the deviation from the mean of all units
-               too (pull request 28318 of 2026).  Of two no deviation can tell who is wrong: added, as with the other
-               managers, the deviation is then from the middle, which a usable reference moves.  The bound on a
+               too (pull request 28318 of 2026).  The deviations of two channels are equal: added, as with the other
+               managers, theirs is from the middle, which a usable reference moves.  The bound on a
                deviation is added
 """
 
