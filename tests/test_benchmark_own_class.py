@@ -82,12 +82,12 @@ def test_a_class_designs_itself_from_the_healthy_data_of_each_signal():
 
 def test_a_class_with_both_is_calibrated_behind_its_design():
     """Of channel 3, ten times as noisy, a sample counts a tenth: the limit is one for all, in standard deviations."""
-    name, healthy = "benchmark_flights:DesignedAndCalibrated", white(0.1, 8, 1500)
+    name, healthy = "benchmark_flights:DesignedAndCalibrated", white(0.01, 8, 3000)
     for flight in healthy.flights["pitch_rate"]:
         flight.samples[:, 2] *= 10.0
-    found = calibrate(Entrant(name, name), white_signal(), healthy, 100.0)
-    assert found.values["weights"] == pytest.approx([10.0, 10.0, 1.0, 10.0], rel=0.05)
-    expected = norm.isf(100.0 / 3600.0 / RATE_HZ / 4 / 2)
+    found = calibrate(Entrant(name, name), white_signal(), healthy, 400.0)
+    assert found.values["weights"] == pytest.approx([100.0, 100.0, 10.0, 100.0], rel=0.05)
+    expected = norm.isf(400.0 / 3600.0 / RATE_HZ / 4 / 2)
     assert 0.9 * expected < found.values["limit"] < 1.5 * expected
     assert found.shown == {"limit": found.values["limit"]}
 

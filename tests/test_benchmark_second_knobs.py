@@ -80,7 +80,7 @@ def test_the_choice_isolates_most_injected_faults_and_a_note_names_it():
     found = calibrate(tuned, signal, healthy, 20.0)
     assert found.values["learned_bias"] > 0.0
     assert found.notes[0].startswith("cusum tuned: pitch_rate: limit ")
-    assert found.notes[0].endswith("thresholds: most injected faults of 6 choices isolated")
+    assert "thresholds: isolates most injected faults of " in found.notes[0]
     assert found.values == calibrate(tuned, signal, healthy, 20.0).values
 
 

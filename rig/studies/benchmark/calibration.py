@@ -132,8 +132,10 @@ def _tuned(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequen
     blocks = blocks_of(healthy.flights[signal.name], signal.rate_hz)
     count = isolated(entrant, signal, blocks, [each.values for each in made]) or [0] * len(made)
     chosen = made[max(range(len(made)), key=count.__getitem__)]
+    without = f" ({len(refused)} more could not be calibrated)" if refused else ""
     said = f"{entrant.name}: {signal.name}: {in_words(entrant, chosen.values)}"
-    return replace(chosen, notes=[f"{said}: most injected faults of {len(made)} choices isolated", *chosen.notes])
+    note = f"{said}: isolates most injected faults of {len(made)} choices{without}"
+    return replace(chosen, notes=[note, *chosen.notes])
 
 
 def _levels(

@@ -1,6 +1,6 @@
 """A bias of each channel, learned while all channels are calm, for every manager that compares residuals.
 
-The lasting difference of a channel from the others is no fault while it stays within a bound.  y = x - bias is
+A constant difference of a channel from the others is no fault while it stays within a bound.  y = x - bias is
 compared, with the middle of y and not of x, which jumps by a bias when a channel leaves.
 The vote stays that of x.  A bias is the mean of its residuals for as many frames as the time constant has, then it
 follows with that time constant; it is held within the bound, and stands while a statistic is above half its limit.
@@ -53,11 +53,13 @@ def take_off(n, reference, p, st):
 def learn(n, middle, calm, p, st):
     """Move the biases of the ``n`` ranked channels towards what differs of x from the ``middle`` of y, if ``calm``."""
     bound = p["bias_bound"]
-    if bound <= 0.0 or n < 2 or not calm:
+    if bound <= 0.0 or n < 2:
         return
     for i in range(n):
         c = st["order"][i]
         gain, frames, bias = p["bias_gain"], st["learned_frames"][c], st["learned_bias"]
+        if not calm and frames > 0:  # a first sample counts: what is not learned at all may never be calm
+            continue
         if frames * gain < 1.0:
             gain = max(gain, 1.0 / (frames + 1.0))
         moved = bias[c] + gain * (st["x"][c] - middle - bias[c])
