@@ -190,3 +190,16 @@ def test_a_learned_bias_moves_no_vote(manager: str):
     told = [{"learned_bias": bound, "learned_frames": 100} for bound in (0.0, 0.3)]
     both = [vote_samples(samples, manager=manager, told=each) for each in told]
     assert np.array_equal(both[0].voted, both[1].voted) and (both[1].state == State.OK).all()
+
+
+@pytest.mark.parametrize("manager", [name for name in LEARNERS if name != "selection"])
+@pytest.mark.parametrize("size", [10.0, -100.0])
+def test_no_burst_is_learned(manager: str, size: float):
+    told, settings = LEARNERS[manager]
+    samples = flight(0.0)
+    samples[:, 0] += 0.2
+    for begin in range(120, 1400, 300):
+        samples[begin : begin + 7, begin // 300 % 4] += size
+    learning = {**told, "learned_bias": 0.25, "learned_frames": 1000}
+    out = vote_samples(samples, manager=manager, told=learning, reference=0.0, **settings)
+    assert out.failed_at() == [None] * 4

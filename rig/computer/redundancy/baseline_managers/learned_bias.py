@@ -3,7 +3,8 @@
 A constant difference of a channel from the others is no fault while it stays within a bound.  y = x - bias is
 compared, with the middle of y and not of x, which jumps by a bias when a channel leaves.
 The vote stays that of x.  A bias is the mean of its residuals for as many frames as the time constant has, then it
-follows with that time constant; it is held within the bound, and stands while a statistic is above half its limit.
+follows with that time constant; a step counts with at most the bound, and so does the bias.  It stands while a
+statistic is above half its limit.
 
 This project's description of what the built-in manager and flight control systems do under the name of equalisation.
 """
@@ -62,8 +63,9 @@ def learn(n, middle, calm, p, st):
             continue
         if frames * gain < 1.0:
             gain = max(gain, 1.0 / (frames + 1.0))
-        moved = bias[c] + gain * (st["x"][c] - middle - bias[c])
-        bias[c] = min(max(moved, -bound), bound) if np.isfinite(moved) else bias[c]
+        off = st["x"][c] - middle - bias[c]
+        if np.isfinite(off):  # clipped: a burst may not be learned
+            bias[c] = min(max(bias[c] + gain * min(max(off, -bound), bound), -bound), bound)
         st["learned_frames"][c] = frames + 1
 
 
