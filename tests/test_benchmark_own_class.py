@@ -81,14 +81,16 @@ def test_a_class_designs_itself_from_the_healthy_data_of_each_signal():
 
 
 def test_a_class_with_both_is_calibrated_behind_its_design():
-    """Of channel 3, ten times as noisy, a sample counts a tenth: the limit is one for all, in standard deviations."""
-    name, healthy = "benchmark_flights:DesignedAndCalibrated", white(0.01, 8, 3000)
+    """Of channel 3, ten times as noisy, a sample counts a tenth: the level is that of samples with these weights."""
+    name, healthy, signal = "benchmark_flights:DesignedAndCalibrated", white(0.01, 8, 1500), white_signal()
     for flight in healthy.flights["pitch_rate"]:
         flight.samples[:, 2] *= 10.0
-    found = calibrate(Entrant(name, name), white_signal(), healthy, 400.0)
-    assert found.values["weights"] == pytest.approx([100.0, 100.0, 10.0, 100.0], rel=0.05)
-    expected = norm.isf(400.0 / 3600.0 / RATE_HZ / 4 / 2)
-    assert 0.9 * expected < found.values["limit"] < 1.5 * expected
+    found = calibrate(Entrant(name, name), signal, healthy, 100.0)
+    weights = np.array(found.values["weights"])
+    assert weights == pytest.approx([100.0, 100.0, 10.0, 100.0], rel=0.05)
+    weighed = [each._replace(samples=each.samples * weights) for each in healthy.flights["pitch_rate"]]
+    plain = calibrate(Entrant(NAME, NAME), signal, healthy._replace(flights={"pitch_rate": weighed}), 100.0)
+    assert found.values["limit"] == pytest.approx(plain.values["limit"], rel=0.2)
     assert found.shown == {"limit": found.values["limit"]}
 
 

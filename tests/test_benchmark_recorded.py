@@ -10,7 +10,7 @@ import pytest
 
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
-from rig.studies.benchmark import on_recordings as recorded
+from rig.studies.benchmark import injected
 from rig.studies.benchmark.entrants import BUILT_IN, EQUALISED, OURS, SLOW_FAULTS, entrants
 from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, benchmark
 from rig.studies.thresholds.data import Data, load
@@ -40,7 +40,7 @@ def write(
 def fewer_pieces_to_choose_by() -> Iterator[None]:
     """A fifth of them decides the same here, in a third of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorded, "CHOOSING", recorded.CHOOSING // 5)
+        patch.setattr(injected, "CHOOSING", injected.CHOOSING // 5)
         yield
 
 
