@@ -119,6 +119,17 @@ def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
     assert small[SLOW_FAULTS]["isolated"] > small[EQUALISED]["isolated"] + PIECES / 2
 
 
+@pytest.mark.long
+def test_a_tuned_manager_gets_a_bias_and_a_persistence_where_channels_differ(tmp_path: Path):
+    write(tmp_path, 4, names="x")
+    found = benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("cross-voter,cross-voter tuned"))
+    told = [row["told"] for row in found["levels"] if row["manager"] == "cross-voter tuned"]
+    assert all(of["learned_bias"] > 0.0 and of["persistence"] in (8, 12, 24, 48) for of in told)
+    small = {row["manager"]: row["isolated"] for row in found["table"] if row["kind"] == "small offset 0.05"}
+    assert small["cross-voter tuned"] > small["cross-voter"] + PIECES / 2
+    assert {row["place"] for row in found["table"]} == {"alone"} and found["silent"] == []
+
+
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
     cut = pieces(data.signals["x"], PIECES, BEFORE_S)
     assert cut is not None and cut.onset == 500 and cut.samples.shape == (PIECES, 901, 4)

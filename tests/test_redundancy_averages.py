@@ -59,8 +59,8 @@ def test_the_fourth_channel_does_not_move_the_mid_value():
     samples = noise(50)
     other = samples.copy()
     other[10:, 3] = 8.0
-    both = [vote_samples(each, manager="mid_value").voted for each in (samples, other)]
-    assert np.array_equal(*both)
+    first, second = (vote_samples(each, manager="mid_value").voted for each in (samples, other))
+    assert np.array_equal(first, second)
 
 
 def test_weights_by_variance_are_those_of_the_last_eight_samples():
