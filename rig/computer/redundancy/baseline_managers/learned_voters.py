@@ -9,7 +9,6 @@ import numpy as np
 
 from rig.computer.redundancy.baseline_managers.learned_bias import CALM, learn, take_off
 from rig.computer.redundancy.baselines import choose, compare_each, deviate, finish, ranked, speaking, sum_excess
-from rig.computer.redundancy.compare import threshold
 from rig.computer.redundancy.median_vote import median
 from rig.computer.redundancy.persistence import readmit
 from rig.core.frame import CHANNELS
@@ -31,7 +30,7 @@ def cross_voter_learned(bus, fcc, data, on):
         center, calm = take_off(n, np.nan, p, st), True
         compare_each(st["y"], center, n, p, st)
         for i in range(n):
-            calm &= abs(st["y"][st["order"][i]] - center) <= CALM * threshold(n, p)
+            calm &= st["count"][st["order"][i]] <= CALM * p["persistence"]
         learn(n, center, calm, p, st)
         finish(bus, fcc, s, voted, n, p, st)
 

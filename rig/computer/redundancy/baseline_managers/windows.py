@@ -8,7 +8,7 @@ gate_mean      the mean of the channels; the low-passed deviation of each from i
                11958 of 2026), whose gate is that of PX4's selector; PX4 names the deviation from the mean of all units
                too (pull request 28318 of 2026).  The deviations of two channels are equal: added, as with the other
                managers, theirs is from the middle, which a usable reference moves.  The bound on a
-               deviation is added
+               residual is added
 """
 
 from __future__ import annotations
@@ -100,13 +100,14 @@ def gate_mean(bus, fcc, data, on):
 @kernel
 def deviate(at, limit, p, st):
     """Move each low-passed deviation, in spreads, and its integral beyond the gate, which is the statistic."""
-    center = 0.0
-    for i in range(at.n if at.n > 2 else 0):
-        center += step.residual(st["order"][i], at, p["spread"], st) / at.n
+    center, off = 0.0, st["statistic"]
     most = limit / p["persistence"] if p["bounded"] else step.LARGEST
     for i in range(at.n):
         c = st["order"][i]
-        off = min(max(step.residual(c, at, p["spread"], st) - center, -most), most)
-        st["deviation"][c] = KEPT * st["deviation"][c] + (1.0 - KEPT) * off
+        off[c] = min(max(step.residual(c, at, p["spread"], st), -most), most)  # else all are as far from the mean
+        center += off[c] / at.n if at.n > 2 else 0.0
+    for i in range(at.n):
+        c = st["order"][i]
+        st["deviation"][c] = KEPT * st["deviation"][c] + (1.0 - KEPT) * (off[c] - center)
         st["integral"][c] = max(st["integral"][c] + abs(st["deviation"][c]) - p["allowance"], 0.0)
         st["statistic"][c] = st["integral"][c]
