@@ -99,3 +99,41 @@ def white(sigma: float, flights: int, frames: int, seed: int = 1) -> Healthy:
     none = np.full((frames, 2), np.nan)
     made = [Flight(f"{i}", sigma * rng.standard_normal((frames, 4)), none) for i in range(flights)]
     return Healthy({"pitch_rate": made}, flights * frames / RATE_HZ / 3600.0, "")
+
+
+class Designed(Limited):
+    """Takes its limit from the healthy data: the largest magnitude of a sample, with a margin."""
+
+    margin = 1.5
+    calibrate = None
+
+    @classmethod
+    def design(cls, healthy: Any) -> dict[str, Any]:
+        largest = max(float(np.abs(each).max()) for each in healthy.channels)
+        return {"limit": cls.margin * largest / healthy.threshold}
+
+
+class DesignedAndCalibrated(Limited):
+    """Takes weights of the channels from the healthy data; its limit is calibrated behind them."""
+
+    weights: Any = (1.0, 1.0, 1.0, 1.0)
+
+    @classmethod
+    def design(cls, healthy: Any) -> dict[str, Any]:
+        return {"weights": 1.0 / np.concatenate(healthy.channels).std(axis=0)}
+
+    def step(self, bus: Any, fcc: Any, k: int) -> None:
+        self.most = self.limit / np.array(self.weights)
+        super().step(bus, fcc, k)
+
+
+class Odd(Limited):
+    """Returns what ``answer`` is."""
+
+    answer: Any = None
+
+    @classmethod
+    def design(cls, healthy: Any) -> Any:
+        if cls.answer == "write":
+            healthy.channels[0][:] = 0.0
+        return cls.answer

@@ -19,8 +19,9 @@ import typer
 from hypothesis import settings
 from numpy.typing import NDArray
 
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
-from rig.computer.redundancy.managers import Manager, vote_signals
+from rig.computer.redundancy.managers import Manager, vote_signals, with_settings
 from rig.core.frame import CHANNELS, Block, State, nested, new_block
 
 FEWER = float(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
@@ -124,11 +125,13 @@ def vote_samples(
     resets: Any = (),
     lanes: Any = None,
     params: Any = (),
+    told: dict[str, Any] | None = None,
     **settings: Any,
 ) -> Voted:
     """Run ``samples`` through a manager of one signal.
 
     lanes : (n, 4), which computers are failed; params : fields of PARAMS that no setting of a signal gives
+    told : the manager's table in [redundancy.baselines]
     """
     samples, more = np.asarray(samples, float), dict(params)
     params = np.zeros(1, PARAMS)
@@ -148,6 +151,8 @@ def vote_samples(
         params["second_threshold"] = second_threshold
     for frame, channel in resets:
         block["reset"][frame, 0] |= 1 << (channel - 1)
+    if told is not None:
+        params = with_settings(params, manager, Baselines.model_validate({manager.replace("-", "_"): told}))
     stage = Manager(manager, params)
     for k, row in enumerate(nested(block)):
         stage.lanes[:] = 0 if lanes is None else lanes[k]

@@ -69,3 +69,45 @@ def test_a_class_that_cannot_take_part_is_one_line(name: str, said: str):
 def test_a_class_that_raises_is_one_line():
     with pytest.raises(BadInput, match="raised in frame 2: ValueError: no third frame"):
         voted("benchmark_flights:Raising", {}, white_signal().params, {"channels": np.zeros((1, 9, 4))})
+
+
+def test_a_class_designs_itself_from_the_healthy_data_of_each_signal():
+    name, healthy = "benchmark_flights:Designed", white(0.1, 4, 600)
+    (own,) = entrants(name)[4:]
+    largest = max(float(np.abs(flight.samples).max()) for flight in healthy.flights["pitch_rate"])
+    found = calibrate(own, white_signal(), healthy, 30.0)
+    assert found.values == {"limit": pytest.approx(1.5 * largest)} and found.seen == 0
+    assert not isolates_no_channel(own, white_signal()) and benchmark_flights.Designed.limit == 2.0
+
+
+def test_a_class_with_both_is_calibrated_behind_its_design():
+    """Of channel 3, ten times as noisy, a sample counts a tenth: the level is that of samples with these weights."""
+    name, healthy, signal = "benchmark_flights:DesignedAndCalibrated", white(0.01, 8, 1500), white_signal()
+    for flight in healthy.flights["pitch_rate"]:
+        flight.samples[:, 2] *= 10.0
+    found = calibrate(Entrant(name, name), signal, healthy, 100.0)
+    weights = np.array(found.values["weights"])
+    assert weights == pytest.approx([100.0, 100.0, 10.0, 100.0], rel=0.05)
+    weighed = [each._replace(samples=each.samples * weights) for each in healthy.flights["pitch_rate"]]
+    plain = calibrate(Entrant(NAME, NAME), signal, healthy._replace(flights={"pitch_rate": weighed}), 100.0)
+    assert found.values["limit"] == pytest.approx(plain.values["limit"], rel=0.2)
+    assert found.shown == {"limit": found.values["limit"]}
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (3.0, "design: returned float, must be a dict of settings"),
+        ({"gain": 1.0}, "design: 'gain': the class has no attribute of this name"),
+        ({"limit": "much"}, "design: limit: must be a finite number or a list of at most 10,000"),
+        ({"limit": float("nan")}, "design: limit: must be a finite number"),
+        ({"limit": [1.0] * 10_001}, "design: limit: must be a finite number"),
+        ("write", "design: pitch_rate: raised ValueError: assignment destination is read-only"),
+    ],
+)
+def test_a_design_that_is_no_settings_is_one_line(monkeypatch: pytest.MonkeyPatch, answer: object, said: str):
+    name = "benchmark_flights:Odd"
+    monkeypatch.setattr(benchmark_flights.Odd, "answer", answer)
+    with pytest.raises(BadInput, match=f"--managers: {name}: {said}") as error:
+        calibrate(Entrant(name, name), white_signal(), white(0.1, 2, 200), 30.0)
+    assert "\n" not in str(error.value)

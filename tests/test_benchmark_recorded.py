@@ -10,7 +10,7 @@ import pytest
 
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
-from rig.studies.benchmark import on_recordings as recorded
+from rig.studies.benchmark import injected
 from rig.studies.benchmark.entrants import BUILT_IN, EQUALISED, OURS, SLOW_FAULTS, entrants
 from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, benchmark
 from rig.studies.thresholds.data import Data, load
@@ -40,7 +40,7 @@ def write(
 def fewer_pieces_to_choose_by() -> Iterator[None]:
     """A fifth of them decides the same here, in a third of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorded, "CHOOSING", recorded.CHOOSING // 5)
+        patch.setattr(injected, "CHOOSING", injected.CHOOSING // 5)
         yield
 
 
@@ -117,6 +117,17 @@ def test_where_noise_dominates_what_lasts_finds_more(tmp_path: Path):
         row["manager"]: row for row in found["table"] if (row["signal"], row["kind"]) == ("x", "small offset 0.05")
     }
     assert small[SLOW_FAULTS]["isolated"] > small[EQUALISED]["isolated"] + PIECES / 2
+
+
+@pytest.mark.long
+def test_a_tuned_manager_gets_a_bias_and_a_persistence_where_channels_differ(tmp_path: Path):
+    write(tmp_path, 4, names="x")
+    found = benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("cross-voter,cross-voter tuned"))
+    told = [row["told"] for row in found["levels"] if row["manager"] == "cross-voter tuned"]
+    assert all(of["learned_bias"] > 0.0 and of["persistence"] in (8, 12, 24, 48) for of in told)
+    every = {row["manager"]: row["isolated"] for row in found["table"] if row["kind"] == "all"}
+    assert every["cross-voter tuned"] >= every["cross-voter"]
+    assert {row["place"] for row in found["table"]} == {"alone"} and found["silent"] == []
 
 
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):

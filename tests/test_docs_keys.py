@@ -13,7 +13,7 @@ from rig.computer.analytic.reference_sources import Config as References
 from rig.computer.control.autopilot import Config as Control
 from rig.computer.fdi.pitch_test_state import Config as Tolerant
 from rig.computer.lanes.computers_table import Config as Computers
-from rig.computer.redundancy.baseline_managers.baseline_settings import Baseline, Baselines
+from rig.computer.redundancy.baseline_managers.baseline_settings import Baseline, Baselines, LearnedBias
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.manager_config import Config as Redundancy
 from rig.computer.redundancy.manager_config import SignalConfig
@@ -25,7 +25,11 @@ ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 BUNDLED = tomllib.loads((ROOT / "aircraft" / "defaults.toml").read_text())
 SENSORS, COMPUTERS, CONTROL = "sensors-and-redundancy.md", "computers-and-actuators.md", "control.md"
-BASELINES = {name: type(getattr(Baselines(), name)) for name in Baselines.model_fields}
+BASELINES = {  # those with keys of their own
+    name: kind
+    for name in Baselines.model_fields
+    if (kind := type(getattr(Baselines(), name))).model_fields.keys() - Baseline.model_fields.keys()
+}
 # The page and heading of each table of keys, with the settings that it lists.
 TABLES: dict[tuple[str, str], type[BaseModel]] = {
     (SENSORS, "[sensors.<signal>]"): Sensor,
@@ -36,6 +40,7 @@ TABLES: dict[tuple[str, str], type[BaseModel]] = {
     (SENSORS, "[redundancy.discretes.<name>]"): DiscreteConfig,
     (SENSORS, "[redundancy.references]"): References,
     (SENSORS, "Every [redundancy.baselines.<name>]"): Baseline,
+    (SENSORS, "Learned bias"): LearnedBias,
     **{(SENSORS, name): kind for name, kind in BASELINES.items()},
     (COMPUTERS, "[computers]"): Computers,
     (COMPUTERS, "Tests of a lane"): Computers,

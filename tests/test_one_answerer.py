@@ -130,7 +130,7 @@ def test_one_kernel_over_rows_and_one_word_decide_what_became_of_a_fault():
     assert set(_calls({"fault_word"})) == of_faults
     assert set(_calls({"fault_words"})) == {"verdict/signal_kernels.py", "studies/thresholds/tradeoff.py"}
     assert set(_calls({"trial_words"})) == {
-        "studies/benchmark/on_recordings.py",
+        "studies/benchmark/injected.py",
         "studies/benchmark/benchmark_trials.py",
     }
 

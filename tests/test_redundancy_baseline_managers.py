@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from rig.bench.vote_rows import vote
 from rig.computer.redundancy.baseline_managers.baseline_settings import BASELINE_PARAMS, Baselines, extended
 from rig.computer.redundancy.manager_config import PARAMS
-from rig.computer.redundancy.managers import BASELINES, KINDS, Manager, manager_kind, with_settings
+from rig.computer.redundancy.managers import BASELINES, KINDS, manager_kind, with_settings
 from rig.core.frame import DecidedBy, State
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import VoteConfig
 
-MONITORS = tuple(name for name in BASELINES if name != "weighted")
+MONITORS = tuple(kind.name for kind in KINDS if kind.settings is not None and kind.settings.levels)
 TURN = 2.0 * np.pi
 monitors = pytest.mark.parametrize("baseline", MONITORS)
 
@@ -93,16 +93,7 @@ def test_as_published_one_bad_sample_is_enough(baseline: str):
 
 
 def flown(samples: Any, baseline: str, told: dict[str, Any], **more: Any) -> Any:
-    """``vote_samples`` with settings of the baseline manager."""
-    import conftest
-
-    class Told(Manager):
-        def __init__(self, name: str, params: Any) -> None:
-            super().__init__(name, with_settings(params, name, Baselines.model_validate({baseline: told})))
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(conftest, "Manager", Told)
-        return vote_samples(samples, manager=baseline, **more)
+    return vote_samples(samples, manager=baseline, told=told, **more)
 
 
 @pytest.mark.parametrize("baseline", ["cusum", "glr", "parity"])
@@ -256,4 +247,4 @@ def test_a_flight_and_its_lanes_vote_alike(baseline: str):
         ]
         which = scenario.load("f16_pitch_rate_hardover", [*sets, "faults.0.start_s=1"])
         votes.append(np.concatenate([rows["state"].copy() for rows, _ in frames(Rig(which), which)]))
-    assert np.array_equal(*votes) and ((votes[0] == State.FAILED).any() == (baseline != "weighted"))
+    assert np.array_equal(*votes) and ((votes[0] == State.FAILED).any() == (baseline in MONITORS))

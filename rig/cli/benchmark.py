@@ -16,7 +16,10 @@ from rig.core.errors import BadInput
 from rig.core.outputs import require_apart, require_page
 
 Row = dict[str, Any]
-_MANAGERS: Final = "cross-channel,cusum,glr,parity,innovation,selection,median"
+_MANAGERS: Final = (
+    "cross-channel,cusum tuned,glr tuned,parity tuned,innovation tuned,selection tuned,window_median tuned,median"
+)
+_AT_ONCE: Final = 24  # losses that are printed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,15 +113,16 @@ def _recordings(inputs: list[Path], options: BenchmarkOptions) -> None:
 def _show_recordings(result: dict[str, Any]) -> None:
     """Print the false isolations, and the table of all kinds together and of each kind, by signal."""
     from rig.studies.benchmark.entrants import OURS
-    from rig.studies.benchmark.outcome_table import DIFFERENCES, OUTCOMES
+    from rig.studies.benchmark.outcome_table import DIFFERENCES, RECORDED
 
+    _show_losses(result["losses"])
     line(f"{result['hours']:.3g} h of data; each half calibrates to no false isolation, the other half tests")
     false = Counter[str]()
     for row in result["levels"]:
         false[row["manager"]] += row["false"]
     table(false.items(), (Column("manager", 0), Column("false isolations in the test halves", 1)))
     for (signal,), rows in _grouped(result["table"], "signal"):
-        _show_kinds(signal, rows, OUTCOMES[:7], ending="")
+        _show_kinds(signal, rows, RECORDED, ending="")
     line()
     table([row for row in result["differences"] if (row["kind"], row["built_in"]) == ("all", OURS)], DIFFERENCES)
 
@@ -129,6 +133,7 @@ def _show(result: dict[str, Any]) -> None:
     from rig.studies.benchmark.healthy_flights import SECOND
     from rig.studies.benchmark.outcome_table import LOSSES, OUTCOMES
 
+    _show_losses(result["losses"])
     line(f"calibrated to {result['budget_per_h']:g} false isolations per hour and signal, on {result['hours']:.3g} h")
     table(result["levels"], LEVELS)
     for note in (note for row in result["levels"] for note in row["notes"]):
@@ -148,8 +153,18 @@ def _show(result: dict[str, Any]) -> None:
     line()
     line(f"microseconds per signal and frame on this machine: {costs}")
     line()
-    for sentence in result["verdict"]:
+    for sentence in result["verdict"][len(result["losses"]) :]:
         line(sentence)
+
+
+def _show_losses(losses: Sequence[str]) -> None:
+    """Print where the built-in manager loses, the largest first."""
+    line("where the built-in manager loses, and by how much")
+    for sentence in losses[:_AT_ONCE]:
+        line(f"  {sentence}")
+    if len(losses) > _AT_ONCE:
+        line(f"  {len(losses) - _AT_ONCE} more in result.json, losses")
+    line()
 
 
 def _grouped(rows: Iterable[Row], *keys: str) -> list[tuple[tuple[str, ...], list[Row]]]:

@@ -130,12 +130,7 @@ def select_unit(bus, fcc, first, end, data):
         n += (here >> c) & 1
     for s in range(first, end):
         deviate(here, n, state[s])
-    for c in range(CHANNELS):
-        if (here >> c) & 1 == 1 and n > 2:
-            square = 0.0
-            for s in range(first, end):
-                square += state[s]["smooth"][c] ** 2
-            st["excess"][c] = max(st["excess"][c] + math.sqrt(square) - p["deviation"], 0.0)
+    sum_excess(here, n, first, end, p, state)
     choose(here, p, st)
     for s in range(first, end):
         axis = state[s]
@@ -143,6 +138,18 @@ def select_unit(bus, fcc, first, end, data):
         for c in range(CHANNELS):
             axis["failed"][c] = st["failed"][c]
         finish(bus, fcc, s, axis["x"][axis["selected"]], n, params[s], axis)
+
+
+@kernel
+def sum_excess(here, n, first, end, p, state):
+    """Integrate what the deviation of each of the ``n`` channels ``here`` exceeds that of the settings ``p`` by."""
+    for c in range(CHANNELS):
+        if (here >> c) & 1 == 1 and n > 2:
+            square = 0.0
+            for s in range(first, end):
+                square += state[s]["smooth"][c] ** 2
+            excess = state[first]["excess"]
+            excess[c] = max(excess[c] + math.sqrt(square) - p["deviation"], 0.0)
 
 
 @kernel
@@ -206,15 +213,21 @@ def cross_voter(bus, fcc, data):
         p, st = params[s], state[s]
         readmit(reset[s], p, st)
         n = ranked(bus, s, p, st)
-        x, order, miscomparing, count = st["x"], st["order"], st["miscomparing"], st["count"]
-        voted = median(x, order, n, miscomparing, 0.5) if n else st["vote"]
-        for c in range(p["fitted"]):
-            miscomparing[c] = not st["failed"][c]
-        for i in range(n):
-            miscomparing[order[i]] = not abs(x[order[i]] - voted) <= threshold(n, p)
-        for c in range(p["fitted"]):
-            count[c] = count[c] + 1 if miscomparing[c] else 0
+        voted = median(st["x"], st["order"], n, st["miscomparing"], 0.5) if n else st["vote"]
+        compare_each(st["x"], voted, n, p, st)
         finish(bus, fcc, s, voted, n, p, st)
+
+
+@kernel
+def compare_each(values, center, n, p, st):
+    """Compare each of the ``n`` ranked ``values`` (4,) with ``center``, and count the frames in a row beyond it."""
+    order, miscomparing, count = st["order"], st["miscomparing"], st["count"]
+    for c in range(p["fitted"]):
+        miscomparing[c] = not st["failed"][c]
+    for i in range(n):
+        miscomparing[order[i]] = not abs(values[order[i]] - center) <= threshold(n, p)
+    for c in range(p["fitted"]):
+        count[c] = count[c] + 1 if miscomparing[c] else 0
 
 
 @kernel

@@ -14,11 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.baseline_managers import baseline_settings as of_baselines
+from rig.computer.redundancy.baseline_managers.averages import (
+    INVERSE_STATE,
+    VARIANCE_STATE,
+    inverse_mean,
+    mid_value,
+    trimmed_mean,
+    variance_mean,
+)
 from rig.computer.redundancy.baseline_managers.bayes import BAYES_STATE, bayes
 from rig.computer.redundancy.baseline_managers.glr import GLR_STATE, glr
+from rig.computer.redundancy.baseline_managers.learned_voters import AS_UNIT, cross_voter_learned, selection_learned
 from rig.computer.redundancy.baseline_managers.parity import parity
 from rig.computer.redundancy.baseline_managers.step import BASELINE_STATE, NO_CHANNEL
 from rig.computer.redundancy.baseline_managers.sums import CUSUM_STATE, cusum, innovation
+from rig.computer.redundancy.baseline_managers.windows import GATE_STATE, MEDIAN_STATE, gate_mean, window_median
 from rig.computer.redundancy.baselines import average, cross_voter, plain_median, select, select_unit, weighted
 from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.manager import manage
@@ -78,9 +88,23 @@ KINDS: Final = (
     ManagerKind("bayes", bayes, latches=True, refers=True, settings=of_baselines.Bayes, state=BAYES_STATE),
     ManagerKind("innovation", innovation, latches=True, refers=True, settings=of_baselines.Innovation),
     ManagerKind("weighted", weighted, settings=of_baselines.Weighted),
+    ManagerKind("gate_mean", gate_mean, latches=True, refers=True, settings=of_baselines.GateMean, state=GATE_STATE),
+    ManagerKind(
+        "window_median",
+        window_median,
+        latches=True,
+        refers=True,
+        settings=of_baselines.WindowMedian,
+        state=MEDIAN_STATE,
+    ),
+    ManagerKind("variance_mean", variance_mean, settings=of_baselines.VarianceMean, state=VARIANCE_STATE),
+    ManagerKind("inverse_mean", inverse_mean, settings=of_baselines.InverseMean, state=INVERSE_STATE),
+    ManagerKind("trimmed_mean", trimmed_mean, settings=of_baselines.TrimmedMean),
+    ManagerKind("mid_value", mid_value, settings=of_baselines.MidValue),
 )
 MANAGERS: Final = tuple(kind.name for kind in KINDS)
 BASELINES: Final = tuple(kind.name for kind in KINDS if kind.settings is not None)
+LEARNERS: Final = {kind.name: table for kind in KINDS if (table := of_baselines.table_of(kind.name))}  # to tables
 DEFAULT: Final = MANAGERS[0]
 _CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS) - len(BASELINES))
 _UNIT: Final = len(KINDS)  # "selection", with all signals the axes of one unit
@@ -95,6 +119,14 @@ class Chosen(NamedTuple):
     bayes: int | None = None
     innovation: int | None = None
     weighted: int | None = None
+    gate_mean: int | None = None
+    window_median: int | None = None
+    variance_mean: int | None = None
+    inverse_mean: int | None = None
+    trimmed_mean: int | None = None
+    mid_value: int | None = None
+    cross_voter: int | None = None  # these two behind learned biases alone
+    selection: int | None = None
 
 
 def manager_kind(name: str) -> ManagerKind:
@@ -109,12 +141,9 @@ def with_settings(
 
     baselines : its settings, by default when not given; signals : names of the records
     """
-    names = signals or [""] * len(params)
-    return (
-        of_baselines.with_baseline(params, name, baselines or of_baselines.Baselines(), names)
-        if name in BASELINES
-        else params
-    )
+    names, given = signals or [""] * len(params), baselines or of_baselines.Baselines()
+    learns = name in LEARNERS and any(getattr(given, LEARNERS[name]).of(each).learned_bias > 0.0 for each in names)
+    return of_baselines.with_baseline(params, name, given, names) if name in BASELINES or learns else params
 
 
 class Manager:
@@ -139,7 +168,8 @@ class Manager:
         self.choice = _UNIT if as_unit else MANAGERS.index(name)
         told = "watches" in (params.dtype.names or ())
         self.params = params if told else with_settings(params, name)
-        self.baseline = Chosen(**{name: 1}) if name in BASELINES else None
+        table = LEARNERS.get(name, "") if told else name if name in BASELINES else ""
+        self.baseline = Chosen(**{table: AS_UNIT if as_unit else 1}) if table else None
         if watches:
             self.params["watches"] = 1
         self.state = self.new_state()
@@ -151,7 +181,8 @@ class Manager:
         blank = new_state(self.params)
         if self.baseline is None:
             return blank
-        state = of_baselines.extended(blank, (*BASELINE_STATE, *KINDS[self.choice].state))
+        of_kind = KINDS[self.choice].state if self.choice < len(KINDS) else ()
+        state = of_baselines.extended(blank, (*BASELINE_STATE, *of_kind))
         state["run_of"] = NO_CHANNEL
         return state
 
@@ -200,3 +231,11 @@ def vote_baseline(bus, fcc, data, baseline):
     bayes(bus, fcc, data, baseline.bayes)
     innovation(bus, fcc, data, baseline.innovation)
     weighted(bus, fcc, data, baseline.weighted)
+    gate_mean(bus, fcc, data, baseline.gate_mean)
+    window_median(bus, fcc, data, baseline.window_median)
+    variance_mean(bus, fcc, data, baseline.variance_mean)
+    inverse_mean(bus, fcc, data, baseline.inverse_mean)
+    trimmed_mean(bus, fcc, data, baseline.trimmed_mean)
+    mid_value(bus, fcc, data, baseline.mid_value)
+    cross_voter_learned(bus, fcc, data, baseline.cross_voter)
+    selection_learned(bus, fcc, data, baseline.selection)

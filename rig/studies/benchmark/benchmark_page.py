@@ -16,7 +16,7 @@ from rig.studies.campaign.statistics import proportion
 _HEIGHT: Final = 340
 _APART: Final = 0.011  # of the x axis, from one manager to the next
 _MARKS: Final = ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross")
-_AT_ONCE: Final = 16  # sentences of the verdict, losses of the built-in manager first; the others fold away
+_AT_ONCE: Final = 16  # sentences of a list; the others fold away
 Row = dict[str, Any]
 
 
@@ -27,12 +27,13 @@ def write(path: Path, result: dict[str, Any]) -> None:
     title = f"Calibrated to {events} an hour and signal on {result['hours']:.3g} h"
     entrants = list(dict.fromkeys(row["manager"] for row in result["levels"]))
     figures = dict([*_shares(result["by_size"], entrants), *_delays(result["curve"], entrants)])
-    about = {"title": title, "verdict": result["verdict"], "most": _AT_ONCE, "pictures": list(figures)}
+    lost, others = result["losses"], result["verdict"][len(result["losses"]) :]
+    about = {"title": title, "losses": lost, "verdict": others, "most": _AT_ONCE, "pictures": list(figures)}
     write_page(path, "benchmark.html", figures, {}, **about)
 
 
 def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
-    """Yield a picture a signal, kind and number of faults: the share isolated over the size, a line a manager."""
+    """Yield a picture a signal, place and kind: the share isolated over the size, a line a manager."""
     for key in dict.fromkeys(map(_key, rows)):
         figure, sizes = go.Figure(), [row["size"] for row in rows if _key(row) == key]
         for name in entrants:
@@ -40,7 +41,7 @@ def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
             figure.add_scatter(
                 x=_apart(mine, sizes, "size", name, entrants), **_isolated(mine), **_line(name, entrants)
             )
-        title = f"{key[0]}, {key[1]}, {key[2]} fault{'s' if key[2] > 1 else ''}: share isolated"
+        title = f"{', '.join(key)}: share isolated"
         lay_out(figure, title, _HEIGHT)
         _log_axis(figure, "size of the fault, thresholds", sizes)
         _share_axis(figure)
@@ -48,14 +49,14 @@ def _shares(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str,
 
 
 def _delays(rows: Sequence[Row], entrants: Sequence[str]) -> Iterator[tuple[str, go.Figure]]:
-    """Yield two pictures a signal and number of faults: median delay, and share isolated, over the rate."""
+    """Yield two pictures a signal and place: median delay, and share isolated, over the rate."""
     budgets = [row["budget_per_h"] for row in rows]
-    for key in dict.fromkeys((row["signal"], row["faults"]) for row in rows):
-        of = f"{key[0]}, {key[1]} fault{'s' if key[1] > 1 else ''}"
+    for key in dict.fromkeys((row["signal"], row["place"]) for row in rows):
+        of = ", ".join(key)
         for what in ("median delay, s", "share isolated"):
             figure = go.Figure()
             for name in entrants:
-                mine = [row for row in rows if (row["signal"], row["faults"]) == key and row["manager"] == name]
+                mine = [row for row in rows if (row["signal"], row["place"]) == key and row["manager"] == name]
                 if len(mine) > 1:
                     share = what.startswith("share")
                     values = _isolated(mine) if share else {"y": [row["delay_median_s"] for row in mine]}
@@ -87,7 +88,7 @@ def _share_axis(figure: go.Figure) -> None:
 
 
 def _key(row: Row) -> tuple[Any, ...]:
-    return row["signal"], row["kind"], row["faults"]
+    return row["signal"], row["place"], row["kind"]
 
 
 def _apart(rows: Sequence[Row], drawn: Sequence[float], axis: str, name: str, entrants: Sequence[str]) -> list[float]:

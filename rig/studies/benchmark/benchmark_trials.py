@@ -22,6 +22,7 @@ from rig.core.frame import CHANNELS
 from rig.core.units.angles import differences
 from rig.studies.benchmark.calibration import Calibrated
 from rig.studies.benchmark.entrants import Entrant, OfSignal, manager
+from rig.studies.benchmark.fault_places import kind_of, place_of
 from rig.studies.benchmark.own_class import voted
 from rig.studies.campaign.plan import Plan
 from rig.studies.reliability.cell_trials import CHUNK, Batch, Recordings, combinations, fly_trials, recorded_trials
@@ -37,6 +38,7 @@ SCHEMA: Final[dict[str, Any]] = {
     "combination": pl.Int64,
     "trial": pl.Int64,  # of the combination
     "signal": pl.String,
+    "place": pl.String,  # of the tested fault in the history, fault_places.py
     "kind": pl.String,
     "faults": pl.Int64,  # on the signal, the tested one counted
     "size": pl.Float64,  # thresholds, or a second of them; null for a kind without one
@@ -111,7 +113,9 @@ class Runner:
                 for budget, values in [(self._told.budget_per_h, mine.values), *others]:
                     results = _fly(entrant, signal, values, made, seen, streams)
                     columns = {"reference": state, "budget_per_h": budget, "manager": entrant.name}
-                    frames.append(_frame(made, unit, trials, {**columns, **became(made, trials.onset, results)}))
+                    frames.append(
+                        _frame(self._plan, made, unit, trials, {**columns, **became(made, trials.onset, results)})
+                    )
         return pl.concat(frames)
 
 
@@ -187,14 +191,18 @@ def became(made: Cell, onsets: NDArray[np.int64], results: NDArray[Any]) -> dict
     }
 
 
-def _frame(made: Cell, unit: Batch, trials: Trials, columns: dict[str, Any]) -> pl.DataFrame:
+def about(plan: Plan, number: int, made: Cell) -> dict[str, Any]:
+    """Return the columns that all trials of a combination share."""
     fault = made.scenario.faults[made.tested]
+    place, kind = place_of(plan, number, made), kind_of(plan, number, fault.kind)
+    return {"signal": fault.signal, "place": place, "kind": kind, "faults": len(made.scenario.faults)}
+
+
+def _frame(plan: Plan, made: Cell, unit: Batch, trials: Trials, columns: dict[str, Any]) -> pl.DataFrame:
     common = {
         "combination": unit.number,
         "trial": unit.chunk * CHUNK + np.arange(len(trials.onset)),
-        "signal": fault.signal,
-        "kind": fault.kind,
-        "faults": len(made.scenario.faults),
+        **about(plan, unit.number, made),
         "size": _sizes(made, trials),
     }
     return typed({**common, **columns})

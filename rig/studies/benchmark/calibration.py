@@ -20,21 +20,25 @@ from rig.computer.redundancy.manager_config import SignalConfig
 from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.runs import cluster_starts
-from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
+from rig.studies.benchmark.calibration_data import Flight, Healthy, measured, of_residuals
 from rig.studies.benchmark.entrants import (
     EQUALISED,
     SLOW_FAULTS,
+    TUNED,
     Entrant,
     Level,
     OfSignal,
+    Values,
     designed_values,
     isolates_no_channel,
     levels,
     with_settings_of,
 )
 from rig.studies.benchmark.healthy_flights import exceeded, failing, isolations
+from rig.studies.benchmark.injected import blocks_of, isolated
+from rig.studies.benchmark.second_knobs import choices_of, in_words
 from rig.studies.thresholds.data import Data
-from rig.studies.thresholds.design import DataBlock, Design, Grid, Threshold, designs, from_tail
+from rig.studies.thresholds.design import Design, Grid, Threshold, designs, from_tail
 from rig.studies.thresholds.design_signals import MARKED, extrapolation, of_signal
 from rig.studies.thresholds.distances import in_use
 from rig.studies.thresholds.slow_fault_limits import RULES, Rule
@@ -91,31 +95,61 @@ def calibrate(
 
     others : further rates for a curve; a manager may miss them
     """
-    flights, given = healthy.flights[signal.name], measured(entrant, signal, healthy)
-    signal = with_settings_of(signal, entrant, given)
-    asked = levels(entrant, signal)
-    if not asked and not entrant.designed:
-        seen = None if isolates_no_channel(entrant, signal) else isolations(entrant, signal, {}, flights)
+    flights, given = healthy.flights[signal.name], measured(entrant, signal, healthy, budget_per_h)
+    budgets = (budget_per_h, *others)
+    if not levels(entrant, with_settings_of(signal, entrant, given)) and not entrant.designed:
+        seen = None if isolates_no_channel(entrant, signal) else isolations(entrant, signal, given, flights)
         return Calibrated(entrant.name, signal.name, given, seen=seen)
-    made = _design if entrant.designed else _levels
-    found = made(entrant, signal, healthy, (budget_per_h, *others))
+    if entrant.designed:
+        found = _design(entrant, signal, healthy, budgets)
+    elif TUNED in entrant.variant:
+        found = _tuned(entrant, signal, healthy, budgets, given)
+    else:
+        found = _levels(entrant, signal, healthy, budgets, given)
     three = exceeded(entrant, signal, found.values, flights)
     return replace(
         found,
-        values={**given, **found.values},
-        others=[(budget, {**given, **values}) for budget, values in found.others],
         extrapolation=extrapolation(budget_per_h, healthy.hours),
         seen=isolations(entrant, signal, found.values, flights),
-        three=None if three is None else {**given, **three[0]},
+        three=None if three is None else three[0],
         three_flights=None if three is None else three[1],
     )
 
 
-def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
-    """Return the levels at the first rate, and at each other rate for which all levels are known."""
-    found = {level.name: _level(entrant, signal, level, healthy, budgets) for level in levels(entrant, signal)}
+def _tuned(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float], given: Values) -> Calibrated:
+    """Return the levels of the choice of settings that isolates most injected faults (second_knobs.py).
+
+    BadInput: no choice reaches the rate
+    """
+    made, refused = list[Calibrated](), list[BadInput]()
+    for settings in choices_of(entrant, given, of_residuals(signal, healthy)["bias"]):
+        try:
+            made.append(_levels(entrant, signal, healthy, budgets, settings))
+        except BadInput as error:
+            refused.append(error)
+    if not made:
+        raise refused[0]
+    blocks = blocks_of(healthy.flights[signal.name], signal.rate_hz)
+    count = isolated(entrant, signal, blocks, [each.values for each in made]) or [0] * len(made)
+    chosen = made[max(range(len(made)), key=count.__getitem__)]
+    without = f" ({len(refused)} more could not be calibrated)" if refused else ""
+    said = f"{entrant.name}: {signal.name}: {in_words(entrant, chosen.values)}"
+    note = f"{said}: isolates most injected faults of {len(made)} choices{without}"
+    return replace(chosen, notes=[note, *chosen.notes])
+
+
+def _levels(
+    entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float], given: Values
+) -> Calibrated:
+    """Return the levels at the first rate, and at each other rate for which all levels are known.
+
+    given : the settings that are not calibrated
+    """
+    signal = with_settings_of(signal, entrant, given)
+    asked = levels(entrant, signal)
+    found = {level.name: _level(entrant, signal, level, healthy, budgets, given) for level in asked}
     others = [
-        (budget, {name: of[budget].upper for name, of in found.items()})
+        (budget, {**given, **{name: of[budget].upper for name, of in found.items()}})
         for budget in budgets[1:]
         if all(budget in of for of in found.values())
     ]
@@ -127,7 +161,7 @@ def _levels(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Seque
         f"{entrant.name}: {signal.name}: {name}: {where}, {of.upper:.3g}" for name, of in at.items() if not of.clusters
     ]
     made = {"clusters": clusters, "shape": first.shape, "others": others, "notes": notes}
-    return Calibrated(entrant.name, signal.name, values, values, **made)
+    return Calibrated(entrant.name, signal.name, {**given, **values}, values, **made)
 
 
 def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
@@ -161,7 +195,7 @@ def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h
     ``rig thresholds`` chooses.
     """
     flights = healthy.flights[signal.name]
-    blocks = [DataBlock(each.name, np.ascontiguousarray(each.samples.T), signal.rate_hz) for each in flights]
+    blocks = blocks_of(flights, signal.rate_hz)
     slow_faults: dict[str, Sequence[Rule]] = {EQUALISED: ["bias"], SLOW_FAULTS: RULES}
     persistence = (int(signal.params["persistence"][0]),)
     grid = Grid(
@@ -188,14 +222,14 @@ def too_few(signal: OfSignal, hours: float, clusters: int, entrant: str) -> BadI
 
 
 def _level(
-    entrant: Entrant, signal: OfSignal, level: Level, healthy: Healthy, budgets: Sequence[float]
+    entrant: Entrant, signal: OfSignal, level: Level, healthy: Healthy, budgets: Sequence[float], given: Values
 ) -> dict[float, Threshold]:
     """Return the level for each rate: the largest over all choices of the given number of channels in use."""
     found: dict[float, list[Threshold]] = {budget: [] for budget in budgets}
     names = zlib.crc32(entrant.name.encode()), zlib.crc32(signal.name.encode())
     for choice, channels in enumerate(in_use(signal.fitted, level.channels)):
         flights = [each._replace(samples=each.samples[:, list(channels)]) for each in healthy.flights[signal.name]]
-        series = _fine(entrant, signal, level, flights, healthy.hours, budgets[0])
+        series = _fine(entrant, signal, level, flights, healthy.hours, budgets[0], given)
         for budget in list(found):
             tail = peaks(series, [signal.rate_hz] * len(series), budget)
             if tail.clusters >= LEAST:
@@ -211,11 +245,17 @@ def _level(
 
 
 def _fine(
-    entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], hours: float, budget_per_h: float
+    entrant: Entrant,
+    signal: OfSignal,
+    level: Level,
+    flights: Sequence[Flight],
+    hours: float,
+    budget_per_h: float,
+    given: Values,
 ) -> list[Floats]:
     """Return the series of each flight, on a grid from a level that is often exceeded to one that never is."""
     wide = np.unique(np.maximum(level.default * WIDE, level.least))
-    coarse = _series(entrant, signal, level, flights, wide)
+    coarse = _series(entrant, signal, level, flights, wide, given)
     gap = round(GAP_S * signal.rate_hz)
     counts = np.array([sum(len(cluster_starts(np.flatnonzero(each > at), gap)) for each in coarse) for at in wide])
     if counts[-1] > budget_per_h * hours:
@@ -226,10 +266,12 @@ def _fine(
     low = int(np.flatnonzero(counts >= CLUSTERS)[-1]) if (counts >= CLUSTERS).any() else 0
     high = int(np.flatnonzero(counts == 0)[0]) if (counts == 0).any() else len(wide) - 1
     grid = np.geomspace(wide[low], max(wide[high], 2.0 * wide[low]), FINE)
-    return _series(entrant, signal, level, flights, grid)
+    return _series(entrant, signal, level, flights, grid, given)
 
 
-def _series(entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], grid: Floats) -> list[Floats]:
+def _series(
+    entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[Flight], grid: Floats, given: Values
+) -> list[Floats]:
     """Return for each flight (n,) the lowest level of ``grid`` (rising) that isolates no channel; 0 if none isolates.
 
     An even split counts as an isolation, whatever ``ties`` is set to: a reference may settle it against the healthy
@@ -239,7 +281,8 @@ def _series(entrant: Entrant, signal: OfSignal, level: Level, flights: Sequence[
     left = list(range(len(flights)))
     for value, following in zip(grid, above, strict=True):
         some = [flights[i] for i in left]
-        all_at = failing(entrant, signal, {level.name: float(value)}, some, level.channels, guesses=True)
+        at_level = {**given, level.name: float(value)}
+        all_at = failing(entrant, signal, at_level, some, level.channels, guesses=True)
         for i, at in zip(left, all_at, strict=True):
             found[i][at] = following
         left = [i for i, at in zip(left, all_at, strict=True) if len(at)]

@@ -11,14 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import manager_kind
+from rig.computer.redundancy.managers import LEARNERS, manager_kind
 from rig.core.errors import BadInput
 from rig.core.units.angles import differences
 from rig.log import read_log
 from rig.log.recordings.flown_log import recorded
 from rig.log.recordings.own_logs import of_log
 from rig.log.recordings.vote_config import VoteConfig
-from rig.studies.benchmark.entrants import VARIANTS, Entrant, OfSignal
+from rig.studies.benchmark.entrants import BIAS, LEARNED_BIAS, VARIANTS, Entrant, OfSignal
+from rig.studies.benchmark.own_class import HealthyData, designed
 from rig.studies.thresholds.data import SAME_RATE, columns, recordings, without_faults
 
 Floats = NDArray[np.float64]
@@ -77,14 +78,33 @@ def _flights(path: Path, signals: Sequence[OfSignal]) -> dict[str, Flight]:
     return found
 
 
-def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy) -> dict[str, Any]:
-    """Return the statistics of healthy residuals from the median, in thresholds, that a baseline manager is given.
+def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float = 0.0) -> dict[str, Any]:
+    """Return what a manager is given of healthy data before its calibration, in thresholds.
+
+    A baseline manager gets statistics of the residuals, and with its variant the bound of a learned bias; a class of
+    the user gets what its method ``design`` makes of the data.
+    """
+    if entrant.is_own:
+        flights = healthy.flights[signal.name]
+        channels, references = [each.samples.view() for each in flights], [each.references.view() for each in flights]
+        about = (signal.rate_hz, signal.threshold, bool(signal.given.wraps), budget_per_h)
+        return designed(entrant.manager, HealthyData(signal.name, channels, references, *about))
+    if entrant.manager not in LEARNERS:
+        return {}
+    kind, found = manager_kind(entrant.manager).settings, of_residuals(signal, healthy)
+    given = {} if kind is None else {name: value for name, value in found.items() if name in kind.model_fields}
+    if BIAS in entrant.variant:
+        given[LEARNED_BIAS] = found["bias"]
+    for word in entrant.variant:
+        given |= VARIANTS[word]
+    return given
+
+
+def of_residuals(signal: OfSignal, healthy: Healthy) -> dict[str, float]:
+    """Return the statistics of healthy residuals from the median, in thresholds.
 
     ``spread``: standard deviation within a flight; ``bias``: the largest mean over a flight; ``rms``: over all flights
     """
-    kind = manager_kind(entrant.manager).settings
-    if kind is None:
-        return {}
     squares, within, frames, bias = 0.0, 0.0, 0, 0.0
     for flight in healthy.flights[signal.name]:
         samples = flight.samples[np.isfinite(flight.samples).all(axis=1)]
@@ -97,10 +117,5 @@ def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy) -> dict[str, 
                 within + float(residual.var(axis=0).sum()) * len(samples),
             )
             frames += residual.size
-    found: dict[str, Any] = {"bias": bias}
-    if within > 0.0:
-        found |= {"spread": math.sqrt(within / frames), "rms": math.sqrt(squares / frames)}
-    found = {name: value for name, value in found.items() if name in kind.model_fields}
-    for word in entrant.variant:
-        found |= VARIANTS[word]
-    return found
+    noisy = {"spread": math.sqrt(within / frames), "rms": math.sqrt(squares / frames)} if within > 0.0 else {}
+    return {"bias": bias, **noisy}

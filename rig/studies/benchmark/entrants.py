@@ -15,22 +15,25 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
-from rig.computer.redundancy.managers import BASELINES, DEFAULT, MANAGERS, Manager, manager_kind, with_settings
+from rig.computer.redundancy.managers import DEFAULT, LEARNERS, MANAGERS, Manager, manager_kind, with_settings
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.core.text import choices
 from rig.core.trust import Trust
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.scenario.scenario import Scenario
-from rig.studies.benchmark.own_class import calibrated_number
+from rig.studies.benchmark.own_class import asks_for_data, calibrated_number
 
 OURS: Final = DEFAULT
 EQUALISED, SLOW_FAULTS, BUILT_IN = f"{OURS} equalised", f"{OURS} slow", f"{OURS} built-in"
-UNBOUNDED: Final = "unbounded"
+UNBOUNDED, BIAS, TUNED = "unbounded", "bias", "tuned"
+LEARNED_BIAS, PERSISTENCE = "learned_bias", "persistence"  # settings
 VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of baseline managers, named behind one: "cusum 60 guess"
     "guess": {"ties": "guess"},
     UNBOUNDED: {"bounded": False},  # as published; outside the verdict
     "middle": {"vote": "middle"},
+    BIAS: {},  # a bias of each channel is learned, up to the largest of a healthy flight
+    TUNED: {},  # second_knobs.py chooses the settings that are not calibrated
     "60": {"limit": 60.0},
     "120": {"limit": 120.0},
 }
@@ -115,21 +118,31 @@ def _entrant(name: str) -> Entrant:
     manager, *variant = name.split()
     if manager not in MANAGERS:
         raise BadInput(f"--managers: unknown manager, {choices(manager, MANAGERS)}")
-    kind = manager_kind(manager).settings
     for word in variant:
         if word not in VARIANTS:
             raise BadInput(f"--managers: {name}: unknown variant, {choices(word, VARIANTS)}")
-        if kind is None or not set(VARIANTS[word]) <= set(kind.model_fields) - set(kind.levels):
+        if not _has_variant(manager, word):
             raise BadInput(f"--managers: {name}: {manager} has no variant {word!r}")
+        if TUNED in variant and word in (BIAS, "60", "120"):
+            raise BadInput(f"--managers: {name}: {TUNED!r} chooses what {word!r} sets; give one of them")
     return Entrant(name, manager, tuple(variant))
 
 
+def _has_variant(manager: str, word: str) -> bool:
+    if word in (BIAS, TUNED):
+        return manager in LEARNERS and manager_kind(manager).isolates
+    kind = manager_kind(manager).settings
+    return kind is not None and set(VARIANTS[word]) <= set(kind.model_fields) - set(kind.levels)
+
+
 def with_settings_of(signal: OfSignal, entrant: Entrant, settings: Values) -> OfSignal:
-    """Return the signal with the ``settings`` of a baseline manager in its table; unchanged for another manager."""
-    if entrant.manager not in BASELINES:
+    """Return the signal with those of the ``settings`` that a baseline manager's table has; unchanged without one."""
+    table = LEARNERS.get(entrant.manager)
+    if table is None:
         return signal
-    own = getattr(signal.baselines, entrant.manager).of(signal.name).model_copy(update=dict(settings))
-    told = signal.baselines.model_copy(update={entrant.manager: own.model_copy(update={"signals": {}})})
+    own = getattr(signal.baselines, table).of(signal.name)
+    mine = {name: value for name, value in settings.items() if name in type(own).model_fields}
+    told = signal.baselines.model_copy(update={table: own.model_copy(update={**mine, "signals": {}})})
     return signal._replace(baselines=told)
 
 
@@ -156,7 +169,8 @@ def _least(bounds: Sequence[object]) -> float:
 
 def isolates_no_channel(entrant: Entrant, signal: OfSignal) -> bool:
     """Return True for a manager without a threshold, which is compared by its vote error alone."""
-    return not entrant.is_ours and not levels(entrant, signal)
+    designs_itself = entrant.is_own and asks_for_data(entrant.manager)
+    return not entrant.is_ours and not designs_itself and not levels(entrant, signal)
 
 
 def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | None = None) -> Manager:
@@ -166,22 +180,26 @@ def manager(entrant: Entrant, signal: OfSignal, values: Values, channels: int | 
     """
     params = signal.params.copy()
     params["fitted"] = channels or signal.fitted
-    if entrant.manager in BASELINES:
-        told = with_settings_of(signal, entrant, values).baselines
-        return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
     level = manager_kind(entrant.manager).level
-    if level is not None and values:
+    if level is not None and level.name in values:
         given = signal.given.model_copy(update=_keys_of(entrant, signal, values))
-        values = _params_of(signal, given, level.params)
-    for name, value in values.items():
+        for name, value in _params_of(signal, given, level.params).items():
+            params[name] = value
+    for name, value in values.items() if entrant.is_ours else _persistence(values).items():
         params[name] = value
-    return Manager(entrant.manager, params)
+    told = with_settings_of(signal, entrant, values).baselines
+    return Manager(entrant.manager, with_settings(params, entrant.manager, told, [signal.name]))
+
+
+def _persistence(values: Values) -> dict[str, int]:
+    """Return the persistence among the settings of a baseline manager, frames; empty: that of the signal."""
+    return {PERSISTENCE: values[PERSISTENCE]} if PERSISTENCE in values else {}
 
 
 def _keys_of(entrant: Entrant, signal: OfSignal, values: Values) -> dict[str, float]:
     """Return the settings of the signal that give a baseline its calibrated level; empty for all others."""
     level = manager_kind(entrant.manager).level
-    if level is None or not values:
+    if level is None or level.name not in values:
         return {}
     amount = values[level.name] * signal.threshold
     return {key: factor * amount for key, factor in level.settings.items()}
@@ -196,11 +214,13 @@ def flown_by(
     """
     of = scenario.redundancy
     told: dict[str, Any] = {"manager": entrant.manager}
-    table = {**keys, **_keys_of(entrant, signal, values)}
-    if entrant.manager in BASELINES:
-        baseline = getattr(of.baselines, entrant.manager)
-        own = baseline.model_copy(update={"signals": {**baseline.signals, signal.name: dict(values)}})
-        told["baselines"] = of.baselines.model_copy(update={entrant.manager: own})
+    name = LEARNERS.get(entrant.manager)
+    table = {**keys, **_keys_of(entrant, signal, values), **(_persistence(values) if name else {})}
+    if name is not None:
+        baseline = getattr(of.baselines, name)
+        mine = {key: value for key, value in values.items() if key in type(baseline).model_fields}
+        own = baseline.model_copy(update={"signals": {**baseline.signals, signal.name: mine}})
+        told["baselines"] = of.baselines.model_copy(update={name: own})
     if table:
         before = getattr(of.signals, signal.name)
         now = SignalConfig(**keys) if keys else before.model_copy(update=table)

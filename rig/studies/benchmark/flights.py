@@ -23,7 +23,7 @@ from rig.core.units.angles import differences
 from rig.scenario import aircraft
 from rig.scenario.overrides import set_key
 from rig.scenario.scenario import Scenario
-from rig.studies.benchmark.benchmark_trials import SCHEMA, STATES, Told, became, of_cell, streams_of, typed
+from rig.studies.benchmark.benchmark_trials import SCHEMA, STATES, Told, about, became, of_cell, streams_of, typed
 from rig.studies.benchmark.calibration import Calibrated
 from rig.studies.benchmark.entrants import Entrant, OfSignal, flown_by
 from rig.studies.benchmark.own_class import with_values
@@ -55,9 +55,8 @@ class Flier:
             for entrant in self._told.entrants:
                 mine = self._told.calibrated[entrant.name, signal.name]
                 rows.append({"trial": trial, "manager": entrant.name, **_flown(scenario, entrant, signal, mine, made)})
-        fault = made.scenario.faults[made.tested]
-        common = {"combination": unit.number, "signal": fault.signal, "kind": fault.kind, "size": None}
-        told = {"faults": len(made.scenario.faults), "reference": STATES[0], "budget_per_h": self._told.budget_per_h}
+        common = {"combination": unit.number, **about(self._plan, unit.number, made), "size": None}
+        told = {"reference": STATES[0], "budget_per_h": self._told.budget_per_h}
         return typed([{**common, **told, **row} for row in rows], FLOWN)
 
 

@@ -14,43 +14,40 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark.benchmark_trials import typed
-from rig.studies.benchmark.calibration_data import Flight, Healthy, measured
+from rig.studies.benchmark.calibration_data import Flight, Healthy, measured, of_residuals
 from rig.studies.benchmark.entrants import (
     EQUALISED,
     SLOW_FAULTS,
+    TUNED,
     Entrant,
     OfSignal,
     designed_values,
+    isolates_no_channel,
     levels,
-    manager,
     with_settings_of,
 )
+from rig.studies.benchmark.fault_places import ALONE
 from rig.studies.benchmark.healthy_flights import first_enough, flights_failing, isolations, scaled
+from rig.studies.benchmark.injected import BEFORE_S, became, flights_of, isolated, with_faults
 from rig.studies.benchmark.outcome_table import differences, table
-from rig.studies.benchmark.own_class import voted
+from rig.studies.benchmark.ranking import losses
+from rig.studies.benchmark.second_knobs import choices_of
 from rig.studies.thresholds.data import Data
-from rig.studies.thresholds.data_check import envelope
 from rig.studies.thresholds.design import DataBlock, Grid, of_one_frame
-from rig.studies.thresholds.pieces import four, outcomes_of, parameters
+from rig.studies.thresholds.pieces import parameters
 from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, residuals, stale_frames
-from rig.studies.thresholds.tradeoff import GAIN, LATER_S, NOISE, SHARES, SMALL, Kind, Pieces, faulty, pieces
-from rig.verdict.signal_kernels import first_failed, trial_words
+from rig.studies.thresholds.tradeoff import LATER_S, pieces
 
-BEFORE_S: Final = 10.0
 PIECES: Final = 48  # of a signal and half
-CHOOSING: Final = 16  # of half the calibrating recordings, by which margins are chosen
 _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
 _HIGHEST: Final = 64.0
 _OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
 _COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex", *_OUTLIERS)
 MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail no channel
-Faults = Sequence[tuple[str, Kind, float]]
 
 
 def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
@@ -63,28 +60,29 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
             f"--recordings: {len(data.names)} recording; give 2 or more: one half calibrates, the other is tested"
         )
     found, told = list[pl.DataFrame](), list[dict[str, Any]]()
+    silent = list[str]()
     for place, (name, blocks) in enumerate(data.signals.items()):
         given, fitted, rate_hz = data.settings[name], len(blocks[0].samples), blocks[0].rate_hz
         signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.baselines, rate_hz)
+        silent = [entrant.name for entrant in entrants if isolates_no_channel(entrant, signal)]
         for half in (0, 1):
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
             values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
             for entrant in entrants:
-                false = isolations(entrant, signal, values[entrant.name], _flights(tested))
-                levels_of = {key: value for key, value in values[entrant.name].items() if isinstance(value, float)}
+                false = isolations(entrant, signal, values[entrant.name], flights_of(tested))
+                levels_of = {key: value for key, value in values[entrant.name].items() if _is_number(value)}
                 told.append({"signal": name, "half": half, "manager": entrant.name, "told": levels_of, "false": false})
             found += _trials(entrants, signal, values, tested, 2 * place + half)
     if not found:
         raise BadInput(f"--recordings: every recording is shorter than a trial of {BEFORE_S + LATER_S:g} s")
     trials = pl.concat(found)
-    return {"hours": data.hours, "levels": told, "table": table(trials), "differences": differences(trials)}
+    result = {"hours": data.hours, "levels": told, "silent": silent, "table": table(trials)}
+    result["differences"] = differences(trials)
+    return {**result, "losses": losses(result)}
 
 
-def _flights(blocks: Sequence[DataBlock]) -> list[Flight]:
-    return [
-        Flight(block.name, np.ascontiguousarray(block.samples.T), np.full((block.samples.shape[1], 2), np.nan))
-        for block in blocks
-    ]
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
@@ -97,13 +95,10 @@ def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> 
     found = dict(_candidates(entrant, signal, blocks))
     count = dict.fromkeys(found, 0)
     for half in (0, 1) if len(found) > 1 and len(blocks) > 1 else ():
-        cut, others = pieces(blocks[1 - half :: 2], CHOOSING, BEFORE_S), blocks[half::2]
-        if cut is not None:
-            faults = [samples for _, samples in _with_faults(cut, blocks[1 - half :: 2], signal)]
-            for name, values in _candidates(entrant, signal, others):
-                if name in count:
-                    outcomes = [_became(entrant, signal, values, cut, samples)[0] for samples in faults]
-                    count[name] += sum(int((outcome == "isolated").sum()) for outcome in outcomes)
+        others = {name: values for name, values in _candidates(entrant, signal, blocks[half::2]) if name in count}
+        count_of = isolated(entrant, signal, blocks[1 - half :: 2], [*others.values()])
+        for name, more in zip(others, count_of or (), strict=count_of is not None):
+            count[name] += more
     return found[max(found, key=count.__getitem__)]
 
 
@@ -111,7 +106,7 @@ def _candidates(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield the settings that ``blocks`` allow, with each factor over the levels and each other choice."""
-    flights = _flights(blocks)
+    flights = flights_of(blocks)
     if entrant.name == SLOW_FAULTS:
         yield from _slow_faults(entrant, signal, blocks)
     elif entrant.designed:
@@ -120,12 +115,16 @@ def _candidates(
         for margin in MARGINS:
             yield (margin,), _scaled(values, _COMPARED, margin)
     else:
-        given = measured(entrant, signal, Healthy({signal.name: flights}, 0.0, ""))
-        of = with_settings_of(signal, entrant, given)
-        asked = [level.name for level in levels(entrant, of)]
-        values = _least(entrant, of, given, flights) if asked else given
-        for margin in MARGINS if asked else (1.0,):
-            yield (margin,), _scaled(values, asked, margin)
+        healthy = Healthy({signal.name: flights}, 0.0, "")
+        given, all_given = measured(entrant, signal, healthy), list[dict[str, Any]]()
+        if TUNED in entrant.variant:
+            all_given += choices_of(entrant, given, of_residuals(signal, healthy)["bias"], Grid(0.0).persistence)
+        for place, settings in enumerate(all_given or [given]):
+            of = with_settings_of(signal, entrant, settings)
+            asked = [level.name for level in levels(entrant, of)]
+            values = _least(entrant, of, settings, flights) if asked else settings
+            for margin in MARGINS if asked else (1.0,):
+                yield (place, margin), _scaled(values, asked, margin)
 
 
 def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
@@ -172,7 +171,7 @@ def _slow_faults(
 
     No isolation threshold is within single-frame noise, as with ``rig thresholds``.
     """
-    flights, bound, fitted = _flights(blocks), _bound(signal, blocks), len(blocks[0].samples)
+    flights, bound, fitted = flights_of(blocks), _bound(signal, blocks), len(blocks[0].samples)
     least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, fitted, fitted)
     for frames in Grid(0.0).persistence:
         of_frames = {"persistence": frames, "split_persistence": frames}
@@ -195,7 +194,7 @@ def _with_sums(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]
 ) -> Iterator[tuple[float, dict[str, Any]]]:
     """Yield the built-in manager with stale samples, then, if noise dominates, with each CUSUM limit and allowance."""
-    samples, flights = [block.samples for block in blocks], _flights(blocks)
+    samples, flights = [block.samples for block in blocks], flights_of(blocks)
     of, last = residuals(samples, signal.given.wraps), len(ALLOWANCES) - 1
     plain = {**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}
     yield 0.0, plain
@@ -210,17 +209,6 @@ def _with_sums(
             yield limit, told(last if at is None else at - 1)
 
 
-def _with_faults(
-    cut: Pieces, blocks: Sequence[DataBlock], signal: OfSignal
-) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Yield the name of each fault and the pieces (R, n, C) that have it."""
-    motion = envelope(blocks, signal.given.wraps)
-    for name, kind, size in _faults(max(motion.value, motion.noise)):
-        samples = cut.samples.copy()
-        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
-        yield name, samples
-
-
 def _trials(
     entrants: Sequence[Entrant],
     signal: OfSignal,
@@ -232,39 +220,14 @@ def _trials(
     cut = pieces(blocks, PIECES, BEFORE_S)
     if cut is None:
         return
-    for number, (name, samples) in enumerate(_with_faults(cut, blocks, signal)):
+    for number, (name, samples) in enumerate(with_faults(cut, blocks, signal)):
         for entrant in entrants:
-            outcome, delay_s = _became(entrant, signal, values[entrant.name], cut, samples)
+            outcome, delay_s = became(entrant, signal, values[entrant.name], cut, samples)
             columns = {
                 "combination": 100 * part + number,
                 "trial": np.arange(len(samples)),
-                **{"signal": signal.name, "kind": name, "faults": 1, "size": None, "reference": "absent"},
+                **{"signal": signal.name, "place": ALONE, "kind": name, "faults": 1, "size": None},
+                "reference": "absent",
                 **{"budget_per_h": 0.0, "manager": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
             }
             yield typed(columns)
-
-
-def _faults(motion: float) -> Faults:
-    small: list[tuple[str, Kind, float]] = [(f"small offset {x:g}", "small", x * motion) for x in SMALL]
-    offsets: list[tuple[str, Kind, float]] = [(f"offset {x:g}", "offset", x * motion) for x in SHARES]
-    return [
-        *small,
-        *offsets,
-        ("ramp", "ramp", SHARES[0] * motion),
-        ("noise", "noise", NOISE),
-        ("gain", "gain", GAIN),
-        ("stuck", "stuck", 0.0),
-    ]
-
-
-def _became(
-    entrant: Entrant, signal: OfSignal, values: dict[str, Any], cut: Pieces, samples: NDArray[np.float64]
-) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Return the outcome (R,) and the delay (R,), s, of ``samples`` (R, n, C), the pieces with a fault."""
-    if entrant.is_own:
-        failed_at = first_failed(voted(entrant.manager, values, signal.params, {"channels": four(samples)})[0])
-    else:
-        failed_at = outcomes_of(samples, cut.channel, cut.onset, manager(entrant, signal, values))["failed_at"]
-    tested = np.arange(CHANNELS) == cut.channel[:, None]
-    outcome, frames = trial_words(failed_at, np.full(len(samples), cut.onset), tested, ~tested)
-    return outcome, frames / cut.rate_hz

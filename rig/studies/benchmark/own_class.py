@@ -2,8 +2,9 @@
 
 The manager gets each piece as one signal of a flight's rows, as in ``rig vote``, and votes every signal alone.  A class
 with ``calibrate = "limit"`` names the number that a calibration chooses.  The benchmark sets other values of it, so the
-class must read ``self.limit``, and a lower value must isolate channels sooner.  A class without ``calibrate`` is
-compared by its vote error alone.
+class must read ``self.limit``, and a lower value must isolate channels sooner.  A class with a class method
+``design(healthy)`` gets the healthy flights of the calibration, one signal at a time, and returns its settings; with
+both, ``design`` comes first.  A class with neither is compared by its vote error alone.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from __future__ import annotations
 import inspect
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any, Final
+from math import isfinite
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,8 @@ from rig.core.trust import Trust
 
 Floats = NDArray[np.float64]
 KEY: Final = "calibrate"  # of a class: the name of the number
+DESIGN: Final = "design"  # its method that gets the healthy data
+MOST: Final = 10_000  # numbers that it may return
 _FLIGHT: Final = rows(S, D)
 _one_at_a_time = threading.RLock()  # numbers of a class are the process's
 
@@ -60,8 +64,59 @@ def _attribute(name: str) -> Any:
         raise BadInput(f"--managers: {name}: cannot be imported: {type(error).__name__}: {error}") from None
 
 
+class HealthyData(NamedTuple):
+    """Hold the argument of ``design``: one signal of the calibrating flights, SI, arrays that cannot be written."""
+
+    signal: str
+    channels: Sequence[Floats]  # of each flight (n, C), NaN where a sample is not comparable
+    references: Sequence[Floats]  # (n, 2), NaN where there is none
+    rate_hz: float
+    threshold: float  # the unit of amounts
+    wraps: bool  # an angle, rad
+    budget_per_h: float  # false isolations; 0: none, on recordings
+
+
+def asks_for_data(name: str) -> bool:
+    """Return True if the manager has a method ``design``."""
+    return callable(getattr(_attribute(name), DESIGN, None))
+
+
+def designed(name: str, healthy: HealthyData) -> dict[str, Any]:
+    """Return the settings that a class makes of healthy data, by the names of its attributes; empty without ``design``.
+
+    BadInput: it raises an error, or returns something else than numbers, or lists of numbers, by known names
+    """
+    if not asks_for_data(name):
+        return {}
+    own = _attribute(name)
+    for each in (*healthy.channels, *healthy.references):
+        each.setflags(write=False)
+    with _one_at_a_time:
+        try:
+            found = getattr(own, DESIGN)(healthy)
+        except (KeyboardInterrupt, BadInput):
+            raise
+        except BaseException as error:  # noqa: BLE001 # whatever the user's method raises
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            raise BadInput(f"--managers: {name}: {DESIGN}: {healthy.signal}: raised {said}") from None
+    if not isinstance(found, Mapping):
+        raise BadInput(f"--managers: {name}: {DESIGN}: returned {type(found).__name__}, must be a dict of settings")
+    return {str(key): _settings_of(name, own, key, value) for key, value in found.items()}
+
+
+def _settings_of(name: str, own: Any, key: object, value: Any) -> Any:
+    """Return one setting as a number or a list of numbers.  BadInput: it is none of these."""
+    if not isinstance(key, str) or not hasattr(own, key):
+        raise BadInput(f"--managers: {name}: {DESIGN}: {key!r}: the class has no attribute of this name")
+    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    numbers = list(plain) if isinstance(plain, list | tuple) else [plain]
+    if len(numbers) > MOST or not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
+        raise BadInput(f"--managers: {name}: {DESIGN}: {key}: must be a finite number or a list of at most {MOST:,}")
+    return numbers if isinstance(plain, list | tuple) else plain
+
+
 @contextmanager
-def with_values(name: str, values: Mapping[str, float]) -> Iterator[None]:
+def with_values(name: str, values: Mapping[str, Any]) -> Iterator[None]:
     """Set ``values`` in the class ``name`` meanwhile; one thread at a time."""
     with _one_at_a_time:
         own = _attribute(name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from scipy.stats import poisson
+from scipy.stats import binomtest, poisson
 
 from rig.studies.benchmark.benchmark_trials import STATES
 from rig.studies.benchmark.entrants import BUILT_IN, EQUALISED, OURS, SLOW_FAULTS, UNBOUNDED
@@ -14,20 +14,41 @@ from rig.studies.thresholds.holdout import OVER
 from rig.verdict.words import PRIOR
 
 Row = dict[str, Any]
-_OURS: Final = (OURS, EQUALISED, SLOW_FAULTS, BUILT_IN)
+_DESIGNED: Final = (OURS, EQUALISED, SLOW_FAULTS)
+_OURS: Final = (*_DESIGNED, BUILT_IN)
+_CHANCE: Final = 0.05  # of a sign test, two-sided
+_MORE, _FEWER, _NEARER = "more", "fewer", "nearer"
+_WHAT: Final = {
+    _MORE: "in which another manager isolates more",
+    _FEWER: "in which another isolates fewer healthy channels",
+    _NEARER: "in which another has the smaller vote error",
+}
+
+
+def losses(result: Mapping[str, Any]) -> list[str]:
+    """Return where a built-in manager loses, of ``result`` as of run_benchmark.py: counts first, then each group.
+
+    It loses a group where another manager isolates more channels, fails fewer healthy ones, or has the smaller vote
+    error, each significantly: intervals of 95 %, and a sign test of the vote errors.
+    """
+    rows = _others(result["differences"])
+    lost = {ours: _lost_by(_rows(rows, ours), result["silent"]) for ours in _DESIGNED}
+    counts = [line for ours in _DESIGNED for line in _counted(ours, _rows(rows, ours), lost[ours])]
+    able = [row for row in rows if row["manager"] not in result["silent"]]
+    kept = [ours for ours in _DESIGNED if _rows(able, ours) and not lost[ours][_MORE]]
+    if kept:
+        counts.append(f"no baseline manager isolates significantly more than {', '.join(kept)} in any group")
+    return [*counts, *(line for what in _WHAT for ours in _DESIGNED for line in _sentences(what, ours, lost[ours]))]
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
-    """Return the sentences on ``result``, as of run_benchmark.py: where a baseline manager isolates more comes first.
+    """Return the sentences on ``result``: where the built-in manager loses comes first.
 
     A difference counts if its 95 % interval excludes zero.
     """
     table, differences, silent = result["table"], result["differences"], result["silent"]
-    baselines = [
-        row for row in differences if row["manager"] not in (*silent, *_OURS) and UNBOUNDED not in row["manager"]
-    ]
-    lines = list(_losses(baselines))
-    lines += [*_transients(result["transients"]), *_over_budget(result["second"])]
+    baselines = [row for row in _others(differences) if row["manager"] not in silent]
+    lines = [*losses(result), *_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
     lines += _leads([row for row in plain if row in baselines])
     lines += _among([row for row in plain if row["manager"] in _OURS and row["built_in"] == OURS])
@@ -35,9 +56,67 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     return [*lines, *_lost(result["lost_differences"])]
 
 
+def _others(rows: Sequence[Row]) -> list[Row]:
+    """Return the differences of all managers but the built-in one, and those that are outside the verdict."""
+    return [row for row in rows if row["manager"] not in _OURS and UNBOUNDED not in row["manager"]]
+
+
+def _rows(rows: Sequence[Row], ours: str) -> list[Row]:
+    return [row for row in rows if row["built_in"] == ours]
+
+
+def _lost_by(rows: Sequence[Row], silent: Sequence[str]) -> dict[str, list[Row]]:
+    """Return the differences to one built-in manager that it loses, by what it loses, the largest first."""
+    able = [row for row in rows if row["manager"] not in silent]
+    return {
+        _MORE: sorted((row for row in able if row["low"] > 0.0), key=lambda row: -row["value"]),
+        _FEWER: sorted(
+            ({**row, **row["harmed"]} for row in able if row["harmed"]["high"] < 0.0), key=lambda row: row["value"]
+        ),
+        _NEARER: sorted(filter(_is_nearer, rows), key=lambda row: row["peak_larger"] - row["peak_smaller"]),
+    }
+
+
+def _sentences(what: str, ours: str, lost: Mapping[str, Sequence[Row]]) -> Iterator[str]:
+    for row in _alike(lost[what], _votes_of if what == _NEARER else _interval, "reference"):
+        if what == _MORE:
+            yield f"LOSS: {_more(row['manager'], 'isolate', row, ours)}"
+        elif what == _FEWER:
+            points = _points(row, "fewer").format(" of the trials", ours)
+            yield f"LOSS: {row['manager']} isolates a healthy channel in {points}: {_where(row)}"
+        else:
+            yield _nearer(row, ours)
+
+
+def _is_nearer(row: Row) -> bool:
+    """Return True if a vote error is smaller than the built-in manager's more often than chance makes it."""
+    smaller, larger = row["peak_smaller"], row["peak_larger"]
+    return smaller > larger and bool(binomtest(smaller, smaller + larger).pvalue < _CHANCE)
+
+
+def _votes_of(row: Row) -> tuple[float, ...]:
+    return row["peak_smaller"], row["peak_larger"], row["peak_median"], row["peak_built_in"]
+
+
+def _nearer(row: Row, ours: str) -> str:
+    smaller, larger = (100 * row[name] / row["trials"] for name in ("peak_smaller", "peak_larger"))
+    medians = f"median {row['peak_median']:.2f} instead of {row['peak_built_in']:.2f} thresholds"
+    return (
+        f"LOSS: {row['manager']} has a smaller vote error than {ours} in {smaller:.0f} % of trials, a larger one in "
+        f"{larger:.0f} % ({medians}): {_where(row)}"
+    )
+
+
+def _counted(ours: str, rows: Sequence[Row], lost: Mapping[str, Sequence[Row]]) -> Iterator[str]:
+    """Yield in how many groups a built-in manager loses something."""
+    said = [f"{len({_where(row) for row in lost[what]})} {words}" for what, words in _WHAT.items() if lost[what]]
+    if said:
+        yield f"{ours} LOSES, of {_count(len({_where(row) for row in rows}), 'group')}: {'; '.join(said)}"
+
+
 def _where(row: Row) -> str:
     kind = "all kinds" if row["kind"] == ALL else row["kind"]
-    return f"{row['signal']}, {kind}, {_count(row['faults'], 'fault')}, reference {row['reference']}"
+    return f"{row['signal']}, {row['place']}, {kind}, reference {row['reference']}"
 
 
 def _count(number: int, noun: str) -> str:
@@ -49,7 +128,7 @@ def _alike(rows: Sequence[Row], figures: Callable[[Row], tuple[float, ...]], *jo
     for key in joined:
         merged: dict[tuple[Any, ...], Row] = {}
         for row in rows:
-            others = (name for name in ("built_in", "manager", "signal", "kind", "faults", "reference") if name != key)
+            others = (name for name in ("built_in", "manager", "signal", "place", "kind", "reference") if name != key)
             place = (*(row.get(name) for name in others), *figures(row))
             before = merged.get(place)
             merged[place] = {**row, key: row[key] if before is None else f"{before[key]}, {row[key]}"}
@@ -61,30 +140,16 @@ def _interval(row: Row) -> tuple[float, ...]:
     return row["value"], row["low"], row["high"]
 
 
-def _points(row: Row) -> str:
+def _points(row: Row, how: str = "more") -> str:
     """Return the size of a significant difference, whichever manager is better, with its interval."""
     low, high = sorted(abs(100 * row[end]) for end in ("low", "high"))
-    return f"{100 * abs(row['value']):.1f} points more{{}} than {{}} (95 %: {low:.1f} to {high:.1f})"
+    return f"{100 * abs(row['value']):.1f} points {how}{{}} than {{}} (95 %: {low:.1f} to {high:.1f})"
 
 
 def _more(name: str, verb: str, row: Row, other: str, what: str = "") -> str:
     """Return the sentence on how many points more ``name`` isolates, or loses, than ``other``, and where."""
     verb = verb if ", " in name else f"{verb}s"
     return f"{name} {verb} {_points(row).format(what, other)}: {_where(row)}"
-
-
-def _losses(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield each group in which a baseline manager isolates more than a built-in one, the largest difference first."""
-    for ours in (OURS, EQUALISED, SLOW_FAULTS):
-        of_ours = [row for row in rows if row["built_in"] == ours]
-        lost = _alike([row for row in of_ours if row["low"] > 0.0], _interval, "reference")
-        for row in sorted(lost, key=lambda row: -row["value"]):
-            yield f"LOSS: {_more(row['manager'], 'isolate', row, ours)}"
-    of_all = {row["built_in"] for row in rows}
-    kept = [ours for ours in of_all if not any(row["low"] > 0.0 for row in rows if row["built_in"] == ours)]
-    if kept:
-        names = ", ".join(ours for ours in (OURS, EQUALISED, SLOW_FAULTS) if ours in kept)
-        yield f"no baseline manager isolates significantly more than {names} in any group"
 
 
 def _leads(rows: Sequence[Row]) -> Iterator[str]:

@@ -33,14 +33,14 @@ from rig.studies.benchmark.calibration_data import Healthy, read
 from rig.studies.benchmark.entrants import OfSignal, isolates_no_channel
 from rig.studies.benchmark.outcome_table import LOST, by_size, curve, differences, table
 from rig.studies.benchmark.prepared import Asked, costs, prepare, told
-from rig.studies.benchmark.ranking import verdict
+from rig.studies.benchmark.ranking import losses, verdict
 from rig.studies.campaign.manager_source import sources
 from rig.studies.campaign.plan import SOURCES, Plan, rig_identity
 from rig.studies.campaign.pool import by_workers
 from rig.studies.campaign.study_folder import Study, write_whole
 from rig.studies.reliability.cell_trials import Batch
 
-FORMAT: Final = 3
+FORMAT: Final = 4
 UNITS, FLIGHTS = "units", "flights"  # folders
 LEVELS: Final = "levels.json"
 _AGAIN: Final = "remove it, and the same command"
@@ -177,4 +177,4 @@ def _result(
         "lost_differences": differences(flown, LOST) if len(flown) else [],
     }
     told = {"budget_per_h": asked.budget_per_h, **prepared, "silent": silent, **found}
-    return {**told, "verdict": verdict(told)}
+    return {**told, "losses": losses(told), "verdict": verdict(told)}

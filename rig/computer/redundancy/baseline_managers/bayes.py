@@ -36,7 +36,7 @@ BAYES_STATE: Final = (
     ("variance", "f8", (SETS, MEMBERS)),
     ("likelihood", "f8", (SETS,)),  # logarithm, in this frame
     ("quantity", "f8", (SETS,)),  # less the middle
-    ("y", "f8", (MEMBERS,)),  # this frame's readings less the middle
+    ("readings", "f8", (MEMBERS,)),  # of this frame, less the middle
     ("healthy_variance", "f8", (MEMBERS,)),  # of the noise
 )
 _LEAST: Final = 1e-300  # chance of a set
@@ -65,6 +65,7 @@ def bayes(bus, fcc, data, on):
             normalise(bank.part, p, st)
             log_odds(bank.part, st)
             worst, voted = step.largest_above(at.n, step.limit_of(at.n, p), st), posterior_mean(bank.part, at, p, st)
+        step.learn(at, step.limit_of(at.n, p), p, st)
         step.isolate(at, step.slow_faults(worst, p, st), p, st)
         if step.end(bus, fcc, s, at, voted, p, st):
             step.begin_again(st)
@@ -80,11 +81,11 @@ def take(at, p, st):
         st["healthy_variance"][c] = p["noise"][0] ** 2
     for i in range(at.n):
         c = st["order"][i]
-        st["y"][c] = step.residual(c, at, p["threshold"], st)
+        st["readings"][c] = step.residual(c, at, p["threshold"], st)
         here |= 1 << c
     if at.usable:
-        off = (at.reference - at.middle) / p["threshold"]
-        st["y"][CHANNELS] = min(max(off, -1e6), 1e6)
+        off = (at.reference - at.center) / p["threshold"]
+        st["readings"][CHANNELS] = min(max(off, -1e6), 1e6)
         st["healthy_variance"][CHANNELS] = third * third
         here |= 1 << CHANNELS
     if st["began"] == 0:
@@ -188,7 +189,7 @@ def largest_step(p):
 @kernel
 def likelihood(a, here, p, st):
     """Return the log likelihood of set ``a`` but for what all sets have; write its quantity."""
-    read, variance, y = st["read"], st["variance"], st["y"]
+    read, variance, y = st["read"], st["variance"], st["readings"]
     weights, mean, product, squares = 0.0, 0.0, 1.0, 0.0
     for i in range(MEMBERS):
         if (here >> i) & 1 == 1:
@@ -215,7 +216,7 @@ def follow(a, learning, here, p, st):
         if (here & learning) >> i & 1 == 1:
             before = variance[a, i]
             gain = before / (before + noise_of(a, i, p, st))
-            read[a, i] += gain * (st["y"][i] - read[a, i] - st["quantity"][a])
+            read[a, i] += gain * (st["readings"][i] - read[a, i] - st["quantity"][a])
             variance[a, i] = before * (1.0 - gain) + gain * gain / weights
 
 
@@ -254,4 +255,4 @@ def posterior_mean(part, at, p, st):
         if a & part == a:
             total += st["chance"][a] * st["quantity"][a]
     x, order = st["x"], st["order"]
-    return min(max(at.middle + p["threshold"] * total, x[order[0]]), x[order[at.n - 1]])
+    return min(max(at.center + p["threshold"] * total, x[order[0]]), x[order[at.n - 1]])

@@ -43,6 +43,7 @@ def glr(bus, fcc, data, on):
         if at.n > 1:
             take(at, limit, p, st)
             search(limit, p, st)
+        step.learn(at, limit, p, st)
         step.isolate(at, step.largest_above(at.n, limit, st), p, st)
         if step.end(bus, fcc, s, at, at.middle, p, st):
             step.begin_again(st)

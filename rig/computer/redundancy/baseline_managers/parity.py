@@ -26,6 +26,7 @@ def parity(bus, fcc, data, on):
         at = step.begin(bus, fcc, s, p, st)
         length = project(at, p, st) if at.n > 1 else 0.0
         worst = blamed(at, st) if length > step.limit_of(at.n, p) else step.NO_CHANNEL
+        step.learn(at, step.limit_of(at.n, p), p, st)
         step.isolate(at, step.slow_faults(worst, p, st), p, st)
         voted = at.middle if p["votes_middle"] or at.n == 0 else mean_of(st, at.n)
         if step.end(bus, fcc, s, at, voted, p, st):

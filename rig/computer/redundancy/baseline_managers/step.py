@@ -12,6 +12,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from rig.computer.redundancy.baseline_managers.learned_bias import BIAS_STATE, are_calm, take_off
+from rig.computer.redundancy.baseline_managers.learned_bias import learn as learn_bias
 from rig.computer.redundancy.compare import classify, rank, threshold
 from rig.computer.redundancy.manager import anchor, beside, publish, report
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
@@ -27,8 +29,9 @@ BASELINE_STATE: Final = (
     ("run_of", "i8"),
     ("alarm", "u1"),  # a channel is, or would be, failed in this frame
     ("held", "u1"),  # an even split keeps the last vote
+    *BIAS_STATE,
 )
-_LARGEST: Final = 1e6  # of a residual in its unit: sums of squares stay finite
+LARGEST: Final = 1e6  # of a residual in its unit: sums of squares stay finite
 _ALIKE: Final = 0.5  # of the largest statistic: who leans as far takes part in an even split
 
 
@@ -37,6 +40,7 @@ class At(NamedTuple):
 
     n: Any  # samples that are compared
     middle: Any
+    center: Any  # the middle of what is compared: of the samples less what is learned of their biases
     reference: Any  # NaN where there is none
     usable: Any  # whether it may be relied on
 
@@ -60,14 +64,21 @@ def begin(bus, fcc, s, p, st):
     for c in range(CHANNELS):
         st["miscomparing"][c] = False
     usable = st["reference_usable"] != 0 and not np.isnan(reference)
-    return At(n, middle(n, reference, st) if n > 0 else st["vote"], reference, usable)
+    center = take_off(n, reference if usable else np.nan, p, st)
+    return At(n, middle(n, reference, st) if n > 0 else st["vote"], center, reference, usable)
 
 
 @kernel
 def residual(c, at, unit, st):
-    """Return how far channel c is from the middle in units, within bounds; 0 where that is no number."""
-    r = (st["x"][c] - at.middle) / unit
-    return min(max(r, -_LARGEST), _LARGEST) if r == r else 0.0
+    """Return how far channel c, less its bias, is from the middle in units, within bounds; 0 where it is no number."""
+    r = (st["y"][c] - at.center) / unit
+    return min(max(r, -LARGEST), LARGEST) if r == r else 0.0
+
+
+@kernel
+def learn(at, limit, p, st):
+    """Learn the biases, unless a statistic is above half of the limit."""
+    learn_bias(at.n, at.center, p["bias_bound"] <= 0.0 or are_calm(at.n, limit, st), p, st)
 
 
 @kernel

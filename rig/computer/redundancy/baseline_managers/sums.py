@@ -35,6 +35,7 @@ def cusum(bus, fcc, data, on):
             st["up"][c] = summed(st["up"][c], u, limit, p)
             st["down"][c] = summed(st["down"][c], -u, limit, p)
             st["statistic"][c] = max(st["up"][c], st["down"][c])
+        step.learn(at, limit, p, st)
         step.isolate(at, step.largest_above(at.n, limit, st), p, st)
         if step.end(bus, fcc, s, at, at.middle, p, st):
             step.begin_again(st)
@@ -65,6 +66,7 @@ def innovation(bus, fcc, data, on):
         limit = step.limit_of(at.n, p)
         if at.usable and at.n > 1:
             sum_distances(at, limit, p, st)
+        step.learn(at, limit, p, st)
         step.isolate(at, step.largest_above(at.n, limit, st), p, st)
         select_least(at.n, _LEAD * limit, st)
         voted = st["x"][st["selected"]] if at.n > 0 else at.middle
@@ -75,9 +77,9 @@ def innovation(bus, fcc, data, on):
 @kernel
 def sum_distances(at, limit, p, st):
     """Add what each distance to the reference exceeds the least by to its sum, which is the statistic."""
-    order, spread = st["order"], p["spread"]
+    order, spread = st["y_order"], p["spread"]
     low, high = step.residual(order[0], at, spread, st), step.residual(order[at.n - 1], at, spread, st)
-    reference = min(max((at.reference - at.middle) / spread, 2.0 * low - high), 2.0 * high - low)
+    reference = min(max((at.reference - at.center) / spread, 2.0 * low - high), 2.0 * high - low)
     least = high - low + abs(reference)
     for i in range(at.n):
         least = min(least, abs(step.residual(order[i], at, spread, st) - reference))
