@@ -77,6 +77,12 @@ def test_a_threshold_is_in_the_unit_of_the_log(unit: str, threshold: float):
     assert tables["signal"]["mag_x"]["range"] == pytest.approx([-250 * threshold, 250 * threshold], rel=1e-5)
 
 
+def test_a_unit_of_a_damaged_log_is_refused_in_one_line():
+    units = dict.fromkeys("xyz", "\0\0rad@")
+    with pytest.raises(BadInput, match="f: sensor_gyro/0: x: unit: unknown unit"):
+        config(log(("sensor_gyro", "0", 50.0, units), ("sensor_gyro", "1", 50.0, units)), Path("f"))
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_quantity_of_a_preset_makes_a_config_that_is_accepted(name: str):
     for quantity in PRESETS[name]:

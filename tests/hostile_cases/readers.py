@@ -322,7 +322,7 @@ KEYS: Final[dict[str, tuple[Reader, ...]]] = {
     ),
 }
 # What names no file to read: parameters by their names, and keys of settings.
-WRITES: Final = {"out", "write", "save", "screenshot", "plot", "junit", "report", "chain", "svg"}
+WRITES: Final = {"out", "write", "save", "screenshot", "page", "plot", "junit", "report", "chain", "svg"}
 _PARAMETERS: Final = """
     against base channels checks conditions filters fmu good_before hours kind lane layout levels logs managers
     method persistence point points preset requirement rerun scheduler sensor_class sets signal signals slow_faults
@@ -330,7 +330,7 @@ _PARAMETERS: Final = """
     to tolerance
 """
 OTHER_PARAMETERS: Final = {  # other parameters ``name`` read one; files below ``--read`` are those of the commands
-    *("aircraft new name", "mcp --read"),
+    *("aircraft new name", "diagnose --inject", "mcp --read"),
     *_PARAMETERS.split(),
 }
 _KEYS: Final = """

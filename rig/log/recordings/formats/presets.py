@@ -183,7 +183,10 @@ def config(contents: LogContents, path: Path, preset: str | None = None) -> dict
     triads: dict[str, list[str]] = {}
     for one in found(contents, path, preset):
         for name, field in zip(one.signals, one.fields.names, strict=True):
-            signal[name] = _settings(one.quantity, one.topics[0].units[field] or one.quantity.unit)
+            try:
+                signal[name] = _settings(one.quantity, one.topics[0].units[field] or one.quantity.unit)
+            except ValueError as error:  # a damaged log
+                raise BadInput(f"{path}: {one.topics[0].name}: {field}: unit: {error}") from None
             mapping.update({f"{name}.{c}": f"{topic.name}:{field}" for c, topic in enumerate(one.topics, 1)})
         if len(one.signals) == len(AXES):
             triads[one.quantity.name] = list(one.signals)
