@@ -29,7 +29,7 @@ from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, field_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
@@ -39,6 +39,7 @@ from rig.computer.redundancy.manager_config import SignalConfig, short_wait
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
 from rig.computer.redundancy.resets import Reset as FlightReset
 from rig.computer.redundancy.resets import bits
+from rig.computer.redundancy.slow_tests_config import refusal
 from rig.core.errors import BadInput
 from rig.core.frame import DISCRETE_INDEX, DISCRETES, INDEX, SIGNALS
 from rig.core.settings import Settings, build, read_toml, unknown_key
@@ -77,6 +78,12 @@ class RecordedSignal(SignalConfig):
             raise ValueError(f"unknown manager, allowed: {', '.join(MANAGERS)} or module:name")
         return name
 
+    @model_validator(mode="after")
+    def _has_noise(self) -> RecordedSignal:
+        if self.slow_tests is not None and (why := refusal(self.slow_tests, self.least_threshold, None)):
+            raise ValueError(why)
+        return self
+
     _scale: float = PrivateAttr(1.0)
     _si: str = PrivateAttr("")
     _range_is_assumed: bool = PrivateAttr(False)
@@ -102,9 +109,13 @@ class RecordedSignal(SignalConfig):
 
     def scaled(self, factor: float) -> RecordedSignal:
         """Return these settings with every amount times ``factor``."""
-        given = {name: amount * factor for name in AMOUNTS if (amount := getattr(self, name)) is not None}
+        given: dict[str, Any] = {
+            name: amount * factor for name in AMOUNTS if (amount := getattr(self, name)) is not None
+        }
         if self.range is not None:
             given["range"] = [limit * factor for limit in self.range]
+        if self.slow_tests is not None:
+            given["slow_tests"] = self.slow_tests.scaled(factor)
         return self.model_copy(update=given)
 
     @property
