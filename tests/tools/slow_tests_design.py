@@ -53,12 +53,12 @@ def shares(channels, valid, ilm, reference, second, bare, on, state, out, error,
         for s in range(channels.shape[1]):
             p, q, st = bare[s], on[s], state[s]
             manage_signal(channels[k, s], valid[k, s], ilm[k, s], reference[k, s], second[k, s], p, st)
-            here = reference[k, s]
-            isolate_slow(here, st["last_n"], q, st)
+            if st["last_n"] == st["level"]:
+                isolate_slow(reference[k, s], st["last_n"], q, st)
             t = st["tests"]
             if st["last_n"] < 2 or t["learned"] < 200:
                 continue
-            sigma2 = max(t["noise"], q["slow_noise"] ** 2)
+            sigma2 = max(t["noise"], t["shaken"], q["slow_noise"] ** 2)
             for c in range(4):
                 means = max(abs(t["fast"][c]) / t["fast_limit"], abs(t["slow"][c]) / t["slow_limit"])
                 out[s, 0] = max(out[s, 0], means)

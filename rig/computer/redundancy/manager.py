@@ -170,11 +170,11 @@ def latch_all(decided_by, slow, m, n, p, st):
     slow : channels that sums or tests of small deviations fail, a bit each; m : the middle of the samples
     """
     level = st["level"]
-    if slow != 0:
-        decided_by = DecidedBy.SLOW.value
-        for c in range(p["fitted"]):
-            st["failed"][c] |= (slow >> c) & 1
+    for c in range(p["fitted"]):
+        st["failed"][c] |= (slow >> c) & 1
     decided_by = settle(decided_by, p, st)
+    if slow != 0 and decided_by != DecidedBy.GIVEN_UP:
+        decided_by = DecidedBy.SLOW.value
     if st["level"] != level:
         slow_faults.begin_sums(st)
     else:
@@ -186,7 +186,7 @@ def latch_all(decided_by, slow, m, n, p, st):
 def slow_of(m, reference, n, p, st):
     """Return the channels that the sums and the tests of small deviations fail, a bit each; m : the middle."""
     summed = slow_faults.watch_sums(m, n, p, st)
-    tested = isolate_slow(reference, n, p, st)
+    tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
 

@@ -16,7 +16,7 @@ class Param(NamedTuple):
     name: str
     base: str  # of its numpy type
     meaning: str  # as a unit's header has it
-    part: Literal["signal", "slow_faults", "rules", ""] = "signal"  # record of a unit that holds it; "": none
+    part: Literal["signal", "slow_faults", "slow_tests", "rules", ""] = "signal"  # record of a unit that holds it
     shape: tuple[int, ...] = ()
 
 
@@ -52,15 +52,20 @@ PARAM_FIELDS: Final = (
         "frames in which a sample repeats while others move until it is not compared; 0: any may",
         "slow_faults",
     ),
-    Param("slow_means", "f8", "1: factor on the limits of the fast and the slow mean; 0: no slow-fault tests", ""),
-    Param("slow_squares", "f8", "1: factor on the limit of the mean square", ""),
-    Param("slow_halves", "f8", "1: factor on the limits of halves of the channels", ""),
-    Param("slow_bias", "f8", "unit of the signal: largest bias that is learned at zero", ""),
-    Param("slow_scale", "f8", "1: tolerance of the scale of a channel", ""),
-    Param("slow_noise", "f8", "unit of the signal: least noise that residuals are measured by", ""),
-    Param("slow_skew", "f8", "frames: by which channels are sampled earlier than others", ""),
-    Param("slow_reference", "f8", "unit of the signal: largest error of a healthy reference; 0: not asked", ""),
-    Param("slow_reference_frames", "f8", "frames: what that is more by, in changes of a frame", ""),
+    Param(
+        "slow_means",
+        "f8",
+        "1: factor on the limits of the two means; 0: no slow-fault tests",
+        "slow_tests",
+    ),
+    Param("slow_squares", "f8", "1: factor on the limit of the mean square", "slow_tests"),
+    Param("slow_halves", "f8", "1: factor on the limits of halves of the channels", "slow_tests"),
+    Param("slow_bias", "f8", "unit of the signal: largest bias that is learned at zero", "slow_tests"),
+    Param("slow_scale", "f8", "1: tolerance of the scale of a channel", "slow_tests"),
+    Param("slow_noise", "f8", "unit of the signal: least noise that residuals are measured by", "slow_tests"),
+    Param("slow_skew", "f8", "frames: by which channels are sampled earlier than others", "slow_tests"),
+    Param("slow_reference", "f8", "unit of the signal: healthy error of a reference; 0: not asked", "slow_tests"),
+    Param("slow_reference_frames", "f8", "frames: what that is more by, in changes of a frame", "slow_tests"),
     Param("reference_threshold", "f8", "unit of the signal: a sample and the reference agree within it"),
     Param(
         "reference_airspeed_m_s",

@@ -20,7 +20,7 @@ from rig.core.kernels import kernel
 SLOW: Final = 100.0  # frames of a slow mean
 LEARNING: Final = 1000.0  # frames of the mean that a bias is
 BURST: Final = 14.0  # frames that the largest steps need to reach a limit
-NOISE_FROM: Final = 100  # frames that are learned before the noise of the channels is known
+MEANS_FROM: Final = 200  # frames that are learned before a mean tells anything
 WAYS: Final = 3  # to halve four channels
 ALONE: Final = 0.35  # of the largest mean square: what those of other ways are below, if one way is meant
 DECIDING: Final = 10  # frames in a row
@@ -79,12 +79,13 @@ def suspect_halves(n, allowed, p, t):
     step = t["slow_step"] * sigma
     most, off = max(step, 2.8 * reference_error(p, t)), t["reference_off"]
     square, first, second, least, way = t["apart_square"], 0.0, 0.0, np.inf, 0
+    gain = 1.0 / min(SLOW, float(t["learned"]))
     for w in range(ways):
         d = t["apart"][w]
         d = math.copysign(max(abs(d) - allowed, 0.0), d)
         d = min(max(d, -most), most)
         t["apart_mean"][w] += (min(max(d, -step), step) - t["apart_mean"][w]) * (1.0 / SLOW)
-        square[w] += (d * d - square[w]) * (1.0 / SLOW)
+        square[w] += (d * d - square[w]) * gain
         if np.isfinite(off):
             t["apart_product"][w] += (min(max(off, -most), most) * d - t["apart_product"][w]) * (1.0 / SLOW)
         least = min(least, square[w])
@@ -94,7 +95,7 @@ def suspect_halves(n, allowed, p, t):
             second = max(second, square[w])
     if n == CHANNELS:
         t["halves_noise"] += (least - t["halves_noise"]) / min(float(t["learned"]), LEARNING)
-    if t["learned"] < NOISE_FROM:
+    if t["learned"] < MEANS_FROM:
         return no_half(t)
     by_mean = abs(t["apart_mean"][way]) / (t["slow_limit"] / p["slow_means"] * sigma)
     by_square = (square[way] / healthy - 1.0) / (1.2 * t["square_limit"] / p["slow_squares"])

@@ -19,7 +19,7 @@ from rig.computer.redundancy.compare import is_split, sort
 from rig.computer.redundancy.slow_halves import (
     HALVES,
     LEARNING,
-    NOISE_FROM,
+    MEANS_FROM,
     SLOW,
     begin_halves,
     isolate_half,
@@ -33,7 +33,7 @@ from rig.core.units.angles import difference
 
 FAST, SQUARE = 16.0, 128.0  # frames of the fast mean and of that of squares
 SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
-MEANS_FROM, SQUARES_FROM = 200, 500  # frames that are learned before a mean, and the mean of squares, tells anything
+SQUARES_FROM: Final = 500  # frames that are learned before the mean of squares tells anything
 CALM: Final = 0.5  # of a limit
 TESTS: Final = np.dtype(
     [
@@ -46,7 +46,8 @@ TESTS: Final = np.dtype(
         ("slow", "f8", (CHANNELS,)),
         ("square", "f8", (CHANNELS,)),  # in the square of the signal's unit
         ("share", "f8", (CHANNELS,)),  # of its limit, the largest of the three
-        ("noise", "f8"),  # variance that the channels have in common
+        ("noise", "f8"),  # variance that the channels have in common, its mean
+        ("shaken", "f8"),  # and of the last second
         ("fast_limit", "f8"),
         ("slow_limit", "f8"),
         ("square_limit", "f8"),
@@ -71,10 +72,9 @@ TESTS: Final = np.dtype(
 def isolate_slow(reference, n, p, st):
     """Move all means by a frame and learn; return the channels that a test isolates, a bit each.
 
-    Nothing happens in a frame in which a channel in use has no comparable sample.
-    reference : NaN where there is none; n : ranked samples; p, st : PARAMS and STATE
+    reference : NaN where there is none; n : ranked samples, of all channels in use; p, st : PARAMS and STATE
     """
-    if p["slow_means"] <= 0.0 or n < 2 or n != st["level"]:
+    if p["slow_means"] <= 0.0 or n < 2:
         return 0
     t = st["tests"]
     m = rank_without_bias(n, st, t)
@@ -86,7 +86,7 @@ def isolate_slow(reference, n, p, st):
         begin_again(n, t)
     if t["learned"] >= t["limits_until"]:
         renew_limits(p, t)
-    variance = max(t["noise"], p["slow_noise"] ** 2)
+    variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
     moved = difference(m, t["usual_middle"], p["wraps"])
     allowed = allowance(m, moved, math.sqrt(variance), n, p, t)
     worst = move_means(m, allowed, variance, n, p, t) if t["learned"] > 0 else 0
@@ -97,7 +97,7 @@ def isolate_slow(reference, n, p, st):
     if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and t["halves_share"] > CALM):
         bits = isolate_one(worst, n, t)
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
-        learn(m, moved, n, p, st)
+        learn(m, moved, t["fast_step"] * math.sqrt(variance) + allowed, n, p, st)
     return bits
 
 
@@ -115,7 +115,7 @@ def rank_without_bias(n, st, t):
 @kernel
 def begin_again(n, t):
     """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay."""
-    t["level"] = n
+    t["level"], t["shaken"] = n, 0.0
     for c in range(CHANNELS):
         t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
         t["square"][c] = t["noise"]
@@ -159,7 +159,7 @@ def allowance(m, moved, sigma, n, p, t):
     t["last_middle"] = m
     t["rate"] += (change - t["rate"]) / FAST
     t["motion"] = max(abs(t["rate"]), t["motion"] * (1.0 - 1.0 / SLOW))
-    if n > 2 and t["learned"] > NOISE_FROM:
+    if n > 2:
         t["motion"] = max(t["motion"], abs(change) - 3.0 * sigma)
     return 2.0 * p["slow_scale"] * abs(moved) + p["slow_skew"] * t["motion"]
 
@@ -168,14 +168,14 @@ def allowance(m, moved, sigma, n, p, t):
 def move_means(m, allowed, variance, n, p, t):
     """Move the three means of each channel and the common noise; return the channel with the largest share.
 
-    The noise is the second lowest mean square of the channels (of two: the lowest): what all of them shake alike raises
-    the limits of all, what one does raises none.
+    The noise follows the second lowest mean square of the channels (of two: the lowest): what all of them shake alike
+    raises the limits of all, what one does raises none.
     """
     k, order, value, share = t["learned"], t["order"], t["value"], t["share"]
     fast, slow, square = t["fast"], t["slow"], t["square"]
     fast_step, slow_step, one = t["fast_step"], t["slow_step"], 1.0 / math.sqrt(variance)
-    most = t["square_step"] * variance if k >= NOISE_FROM else p["threshold"] ** 2
-    gain, worst, lowest, second = 1.0 / min(SQUARE, float(k)), order[0], np.inf, np.inf
+    most, gain, worst = t["square_step"] * variance, 1.0 / min(SQUARE, float(k)), order[0]
+    lowest = second = np.inf
     of_fast, of_slow = 1.0 / t["fast_limit"], 1.0 / t["slow_limit"]
     of_square, of_variance = 1.0 / t["square_limit"], one * one
     for i in range(n):
@@ -194,7 +194,8 @@ def move_means(m, allowed, variance, n, p, t):
             reached_one = max(reached_one, (e * of_variance - 1.0) * of_square)
         share[c] = reached_one
         worst = c if reached_one > share[worst] else worst
-    t["noise"] += ((second if n > 2 else lowest) - t["noise"]) / min(float(k), LEARNING)
+    t["shaken"] = second if n > 2 else lowest
+    t["noise"] += (t["shaken"] - t["noise"]) / min(float(k), LEARNING)
     return worst
 
 
@@ -213,18 +214,21 @@ def isolate_one(worst, n, t):
 
 
 @kernel
-def learn(m, moved, n, p, st):
+def learn(m, moved, step, n, p, st):
     """Move the biases towards the residuals, within their bound, and that of the reference; frames of no suspicion.
 
-    Each is the mean of the first LEARNING frames, then it follows.
+    Each is the mean of the first LEARNING frames, then it follows.  After the first frame a residual counts up to
+    ``step``, as for the fast mean: a burst before the tests begin is not learned.
     """
     t = st["tests"]
+    step = step if t["learned"] > 0 else np.inf
     gain = 1.0 / min(t["learned"] + 1.0, LEARNING)
     t["usual_middle"] += gain * moved
-    bound = p["slow_bias"] + 1.6 * p["slow_scale"] * abs(m)
+    bound = p["slow_bias"] + 1.6 * p["slow_scale"] * abs(t["usual_middle"])
     for i in range(n):
         c = t["order"][i]
-        t["bias"][c] = min(max(t["bias"][c] + gain * (t["value"][c] - m), -bound), bound)
+        moved_by = gain * min(max(t["value"][c] - m, -step), step)
+        t["bias"][c] = min(max(t["bias"][c] + moved_by, -bound), bound)
     t["learned"] += 1
     off, most = t["reference_off"], st["reference_threshold"]
     if np.isfinite(off):

@@ -44,7 +44,7 @@ class SlowTests(Settings):
         return self.model_copy(update=given)
 
     def sheet(self, sensor: DataSheet | None) -> DataSheet:
-        """Return the figures of the sensor: those of the table, those of ``sensor`` where it gives none, 0 without either."""
+        """Return the figures of the sensor: those of the table; those of ``sensor``, or 0, where it gives none."""
         beside = sensor or DataSheet(0.0, 0.0, 0.0, 0.0)
         own = (self.noise_std, self.bias_tolerance, self.scale_tolerance, self.skew_frames)
         return DataSheet(*(here if given is None else given for given, here in zip(own, beside, strict=True)))
