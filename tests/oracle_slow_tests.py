@@ -89,7 +89,7 @@ class SlowTests:
         rho = None if view.reference is None else self.s.change(view.reference - self.reference_bias, m)
         half_share, way, alike = self.halves(y, rho, a) if self.k and n != 3 else (0.0, 0, False)
         found = self.half(way, half_share if alike else 0.0, rho, trusted, set(y))
-        stopped = (alike and half_share > 0.5) or ":" in view.pattern or n < 3
+        stopped = (alike and half_share * self.s.slow_halves > 0.5) or ":" in view.pattern or n < 3
         if not found and not stopped:
             found = self.one(shares)
         if not found and view.pattern == "normal" and max(*shares.values(), half_share) < 0.5:

@@ -93,8 +93,9 @@ def isolate_slow(reference, n, p, st):
     t["reference_off"] = difference(reference - t["reference_bias"], m, p["wraps"])
     ways = suspect_halves(n, allowed, p, t) if t["learned"] > 0 else no_half(t)
     bits = isolate_half(ways, n, st["reference_usable"], p, t)
+    alike = t["halves_share"] * p["slow_halves"]
     suspected = max(t["share"][worst], t["halves_share"])
-    if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and t["halves_share"] > CALM):
+    if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
         bits = isolate_one(worst, n, t)
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
         learn(m, moved, t["fast_step"] * math.sqrt(variance) + allowed, n, p, st)
