@@ -10,7 +10,7 @@ from oracle_flights import Flight, Pick, before_the, filtered, slow_faults, with
 
 BESIDE = 1.0 / 1024.0
 SINGLE = ("none", "offset", "drift", "noise", "oscillation", "stuck")
-FAULTS = (*SINGLE, *("pair", "pair drift", "pair oscillation", "third", "third") * 3)
+FAULTS = (*SINGLE, *("pair", "pair drift", "pair oscillation", "third", "third", "third", "third") * 3)
 
 
 def slow_tests(flight: Flight, pick: Pick) -> Flight:
@@ -18,7 +18,7 @@ def slow_tests(flight: Flight, pick: Pick) -> Flight:
     more = {
         "slow_means": pick([1.0, 1.3]),
         "slow_squares": pick([1.0, 1.7]),
-        "slow_halves": pick([1.0, 1.0, 2.0]),
+        "slow_halves": pick([1.0, 1.0, 1.0, 2.0]),
         "slow_bias": pick([0.05, 0.3]),
         "slow_scale": pick([0.0, 0.01]),
         "slow_noise": pick([0.01, 0.03]),

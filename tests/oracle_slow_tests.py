@@ -54,10 +54,11 @@ class SlowTests:
         """Another number of channels."""
         self.level, self.run, self.shaken = n, 0, 0.0
         self.fast, self.slow = ({c: Mean() for c in range(4)} for _ in range(2))
-        self.squares = {c: Mean(self.noise.value) for c in range(4)}
+        self.squares, self.whole = ({c: Mean(self.noise.value) for c in range(4)} for _ in range(2))
         twice = 2.0 if n == 2 else 1.0
         self.d, self.d_rho = [Mean() for _ in WAYS], [Mean() for _ in WAYS]
-        self.d_squares = [Mean(twice * self.halves_noise.value) for _ in WAYS]
+        self.d_squares, self.d_whole = ([Mean(twice * self.halves_noise.value) for _ in WAYS] for _ in range(2))
+        self.halves_shaken = 0.0
 
     def limit(self, frames: float, factor: float) -> float:
         return 6.0 * factor * sqrt(0.5 / frames + 1.0 / self.known)
@@ -85,7 +86,7 @@ class SlowTests:
             self.bound_k = int(1.1 * self.known) + 1 if self.known < 2000 else 10**9
         sigma = sqrt(max(self.noise.value, self.shaken, self.s.slow_noise**2))
         a = self.allowance(m, sigma, n)
-        shares = self.shares({c: less(x - m, a) for c, x in y.items()}, sigma) if self.k else dict.fromkeys(y, 0.0)
+        shares = self.shares({c: x - m for c, x in y.items()}, a, sigma) if self.k else dict.fromkeys(y, 0.0)
         rho = None if view.reference is None else self.s.change(view.reference - self.reference_bias, m)
         half_share, way, alike = self.halves(y, rho, a) if self.k and n != 3 else (0.0, 0, False)
         found = self.half(way, half_share if alike else 0.0, rho, trusted, set(y))
@@ -104,12 +105,14 @@ class SlowTests:
             self.v = max(self.v, abs(change) - 3.0 * sigma)
         return 2.0 * self.s.slow_scale * abs(self.s.change(m, self.usual.value)) + self.s.slow_skew * self.v
 
-    def shares(self, residuals: dict[int, float], sigma: float) -> dict[int, float]:
+    def shares(self, residuals: dict[int, float], a: float, sigma: float) -> dict[int, float]:
         """The largest of the three, each as a share of its limit; the noise follows."""
         shares: dict[int, float] = {}
         square_limit = self.squares_limit
         most = sigma**2 * (1.0 + square_limit / (1.0 - exp(-14.0 / 128.0)))
-        for c, r in residuals.items():
+        for c, whole in residuals.items():
+            self.whole[c].move(min(whole**2, most), min(self.k, 128))
+            r = less(whole, a)
             of: list[float] = []
             for mean, frames in ((self.fast[c], 16.0), (self.slow[c], 100.0)):
                 limit = self.limit(frames, self.s.slow_means)
@@ -117,7 +120,7 @@ class SlowTests:
             square = self.squares[c].move(min(r * r, most), min(self.k, 128))
             of = of if self.k >= 200 else [0.0]
             shares[c] = max([*of, *([(square / sigma**2 - 1.0) / square_limit] if self.k >= 500 else [])])
-        ranked = sorted(self.squares[c].value for c in residuals)
+        ranked = sorted(self.whole[c].value for c in residuals)
         self.shaken = ranked[1] if len(ranked) > 2 else ranked[0]
         self.noise.move(self.shaken, min(self.k, 1000))
         return shares
@@ -140,20 +143,23 @@ class SlowTests:
         """Share of the way with the largest mean square, that way, and whether it is suspected."""
         four = len(y) == 4
         ways = WAYS if four else [({min(y)}, {max(y)})]
-        healthy = max(self.halves_noise.value, self.s.slow_noise**2) * (1.0 if four else 2.0)
+        healthy = max(self.halves_noise.value, self.halves_shaken, self.s.slow_noise**2) * (1.0 if four else 2.0)
         sigma, limit = sqrt(healthy), self.limit(100.0, 1.0)
         step = self.s.slow_means * limit / (1.0 - exp(-14.0 / 100.0)) * sigma
         most = max(step, 2.8 * self.error)
         for i, (first, second) in enumerate(ways):
             d = sum(y[c] for c in first) / len(first) - sum(y[c] for c in second) / len(second)
-            d = cut(less(d, a * (1.5 if four else 2.0)), most)
+            d = cut(d, most)
+            self.d_whole[i].move(d * d, min(self.k, 100))
+            d = less(d, a * (1.5 if four else 2.0))
             self.d[i].move(cut(d, step), 100)
             self.d_squares[i].move(d * d, min(self.k, 100))
             if rho is not None:
                 self.d_rho[i].move(cut(rho, most) * d, 100)
         squares = [self.d_squares[i].value for i in range(len(ways))]
         if four:
-            self.halves_noise.move(min(squares), min(self.k, 1000))
+            self.halves_shaken = min(self.d_whole[i].value for i in range(3))
+            self.halves_noise.move(self.halves_shaken, min(self.k, 1000))
         if self.k < 200:
             return 0.0, 0, False
         way = max(range(len(ways)), key=lambda i: squares[i])

@@ -30,8 +30,10 @@ HALVES: Final = (
     ("apart", "f8", (WAYS,)),  # D, first half less second
     ("apart_mean", "f8", (WAYS,)),
     ("apart_square", "f8", (WAYS,)),
+    ("apart_whole", "f8", (WAYS,)),  # mean square without the allowance for motion
     ("apart_product", "f8", (WAYS,)),  # with the reference's difference from the median
-    ("halves_noise", "f8"),  # variance of the way that has least
+    ("halves_noise", "f8"),  # variance of the way that has least, its mean
+    ("halves_shaken", "f8"),  # and of the last second
     ("halves_share", "f8"),  # of its limit, of the way that has most
     ("halves_run", "i8"),  # frames in a row: above zero the second half is wrong, below zero the first
 )
@@ -47,10 +49,10 @@ def reached(frames):
 @kernel
 def begin_halves(n, t):
     """Begin the means of all ways again, with ``n`` channels in use."""
-    t["halves_run"], t["halves_share"] = 0, 0.0
+    t["halves_run"], t["halves_share"], t["halves_shaken"] = 0, 0.0, 0.0
     for way in range(WAYS):
         t["apart_mean"][way] = t["apart_product"][way] = 0.0
-        t["apart_square"][way] = (2.0 if n == 2 else 1.0) * t["halves_noise"]
+        t["apart_square"][way] = t["apart_whole"][way] = (2.0 if n == 2 else 1.0) * t["halves_noise"]
 
 
 @kernel
@@ -74,26 +76,27 @@ def suspect_halves(n, allowed, p, t):
     """
     if n == 3:
         return no_half(t)
-    healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], p["slow_noise"] ** 2)
+    healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], t["halves_shaken"], p["slow_noise"] ** 2)
     sigma, allowed, ways = math.sqrt(healthy), (1.5 if n == CHANNELS else 2.0) * allowed, write_apart(n, t)
     step = t["slow_step"] * sigma
     most, off = max(step, 2.8 * reference_error(p, t)), t["reference_off"]
     square, first, second, least, way = t["apart_square"], 0.0, 0.0, np.inf, 0
     gain = 1.0 / min(SLOW, float(t["learned"]))
     for w in range(ways):
-        d = t["apart"][w]
+        d = min(max(t["apart"][w], -most), most)
+        t["apart_whole"][w] += (d * d - t["apart_whole"][w]) * gain
         d = math.copysign(max(abs(d) - allowed, 0.0), d)
-        d = min(max(d, -most), most)
         t["apart_mean"][w] += (min(max(d, -step), step) - t["apart_mean"][w]) * (1.0 / SLOW)
         square[w] += (d * d - square[w]) * gain
         if np.isfinite(off):
             t["apart_product"][w] += (min(max(off, -most), most) * d - t["apart_product"][w]) * (1.0 / SLOW)
-        least = min(least, square[w])
+        least = min(least, t["apart_whole"][w])
         if square[w] > first:
             first, second, way = square[w], first, w
         else:
             second = max(second, square[w])
     if n == CHANNELS:
+        t["halves_shaken"] = least
         t["halves_noise"] += (least - t["halves_noise"]) / min(float(t["learned"]), LEARNING)
     if t["learned"] < MEANS_FROM:
         return no_half(t)

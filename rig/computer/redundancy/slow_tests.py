@@ -45,6 +45,7 @@ TESTS: Final = np.dtype(
         ("fast", "f8", (CHANNELS,)),  # in units of the noise
         ("slow", "f8", (CHANNELS,)),
         ("square", "f8", (CHANNELS,)),  # in the square of the signal's unit
+        ("whole", "f8", (CHANNELS,)),  # the same without the allowance for motion
         ("share", "f8", (CHANNELS,)),  # of its limit, the largest of the three
         ("noise", "f8"),  # variance that the channels have in common, its mean
         ("shaken", "f8"),  # and of the last second
@@ -119,7 +120,7 @@ def begin_again(n, t):
     t["level"], t["shaken"] = n, 0.0
     for c in range(CHANNELS):
         t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
-        t["square"][c] = t["noise"]
+        t["square"][c] = t["whole"][c] = t["noise"]
     begin_halves(n, t)
 
 
@@ -169,11 +170,11 @@ def allowance(m, moved, sigma, n, p, t):
 def move_means(m, allowed, variance, n, p, t):
     """Move the three means of each channel and the common noise; return the channel with the largest share.
 
-    The noise follows the second lowest mean square of the channels (of two: the lowest): what all of them shake alike
-    raises the limits of all, what one does raises none.
+    The noise follows the second lowest mean square of the whole residuals (of two: the lowest): what all channels
+    shake alike raises the limits of all, what one does raises none.
     """
     k, order, value, share = t["learned"], t["order"], t["value"], t["share"]
-    fast, slow, square = t["fast"], t["slow"], t["square"]
+    fast, slow, square, whole = t["fast"], t["slow"], t["square"], t["whole"]
     fast_step, slow_step, one = t["fast_step"], t["slow_step"], 1.0 / math.sqrt(variance)
     most, gain, worst = t["square_step"] * variance, 1.0 / min(SQUARE, float(k)), order[0]
     lowest = second = np.inf
@@ -182,17 +183,16 @@ def move_means(m, allowed, variance, n, p, t):
     for i in range(n):
         c = order[i]
         r = value[c] - m
+        whole[c] += gain * (min(r * r, most) - whole[c])
         r = math.copysign(max(abs(r) - allowed, 0.0), r)
         z = r * one
         fast[c] += (min(max(z, -fast_step), fast_step) - fast[c]) * (1.0 / FAST)
         slow[c] += (min(max(z, -slow_step), slow_step) - slow[c]) * (1.0 / SLOW)
         square[c] += gain * (min(r * r, most) - square[c])
-        e = square[c]
-        second = min(second, max(lowest, e))
-        lowest = min(lowest, e)
+        second, lowest = min(second, max(lowest, whole[c])), min(lowest, whole[c])
         reached_one = max(abs(fast[c]) * of_fast, abs(slow[c]) * of_slow) if k >= MEANS_FROM else 0.0
         if k >= SQUARES_FROM:
-            reached_one = max(reached_one, (e * of_variance - 1.0) * of_square)
+            reached_one = max(reached_one, (square[c] * of_variance - 1.0) * of_square)
         share[c] = reached_one
         worst = c if reached_one > share[worst] else worst
     t["shaken"] = second if n > 2 else lowest
