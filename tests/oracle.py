@@ -14,6 +14,7 @@ from statistics import median
 from oracle_answers import Settings, View, first_answer
 from oracle_references import FAR, References
 from oracle_slow_faults import SlowFaults
+from oracle_slow_tests import SlowTests
 from oracle_split import Split
 from oracle_trend import Trend
 
@@ -57,6 +58,7 @@ class Oracle:
 
     def __post_init__(self) -> None:
         self.slow_faults, self.references = SlowFaults(self.s), References(self.s)
+        self.slow_tests = SlowTests(self.s)
 
     def step(
         self,
@@ -68,7 +70,7 @@ class Oracle:
         in_dispute: bool = False,
     ) -> Frame:
         """``lanes``: channels whose computers are failed; ``in_dispute``: what a reference of the signal reads."""
-        self.rules = self.references.rules = self.split.rules = self.slow_faults.rules = set()
+        self.rules = self.references.rules = self.split.rules = self.slow_faults.rules = self.slow_tests.rules = set()
         self.comparable = self.without_stale(samples, reference)
         view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
         level = self.level
@@ -244,17 +246,20 @@ class Oracle:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
         view.trusted = self.references.trusted  # as this frame left it
         slow = self.slow_faults.summed(view) if decided_by != "common" else set()
+        if decided_by != "common":
+            slow = slow | self.slow_tests.isolated(view, view.trusted, self.split.whole)
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
         self.fail(view, decided_by, wrong)
+        decided_by = "slow" if slow else decided_by
         if self.split.given_up(self.s):
             self.reached("given up")
             self.failed, decided_by = set(range(self.s.channels)), "given_up"
         if not self.slow_faults.level_changed(self.failed):
             self.reached("bias learned", self.s.equalise_bound and len(view.use) > 1 and view.pattern == "normal")
             self.slow_faults.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
-        return "slow" if slow else decided_by
+        return decided_by
 
     # Section 2.
 

@@ -27,6 +27,15 @@ class Settings:
     slow_allowance: float = 0.0
     slow_limit: float = 0.0  # unit times frames
     stale_frames: int = 0
+    slow_means: float = 0.0  # factors of the slow-fault tests; 0: none
+    slow_squares: float = 1.0
+    slow_halves: float = 1.0
+    slow_bias: float = 0.0
+    slow_scale: float = 0.0
+    slow_noise: float = 0.0
+    slow_skew: float = 0.0
+    slow_reference: float = 0.0
+    slow_reference_frames: float = 0.0
     persistence: int = 8
     split_persistence: int = 10
     count_down: float = 0.0  # what an agreeing frame takes off a count; 0: all of it

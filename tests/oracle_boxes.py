@@ -178,6 +178,7 @@ class ResettableOracle(Oracle):
                 self.references.level_changed()
                 self.counts[c] = self.agreed[c] = 0
                 self.slow_faults.forget(c)
+                self.slow_tests.forget()
 
     def step(self, samples: list[float | None], *given: Any) -> Frame:  # pyright: ignore[reportIncompatibleMethodOverride]  # hands all on
         out = set(self.failed)

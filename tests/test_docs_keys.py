@@ -17,6 +17,7 @@ from rig.computer.redundancy.baseline_managers.baseline_settings import Baseline
 from rig.computer.redundancy.discrete_config import DiscreteConfig
 from rig.computer.redundancy.manager_config import Config as Redundancy
 from rig.computer.redundancy.manager_config import SignalConfig
+from rig.computer.redundancy.slow_tests_config import SlowTests
 from rig.world.actuators.actuators_table import Config as Actuators
 from rig.world.sensors.data_sheet import Monitor, Sensor
 from rig.world.sensors.inertial import Config as Inertial
@@ -37,6 +38,7 @@ TABLES: dict[tuple[str, str], type[BaseModel]] = {
     (SENSORS, "[inertial]"): Inertial,
     (SENSORS, "[redundancy]"): Redundancy,
     (SENSORS, "[redundancy.signals.<name>]"): SignalConfig,
+    (SENSORS, "[redundancy.signals.<name>.slow_tests]"): SlowTests,
     (SENSORS, "[redundancy.discretes.<name>]"): DiscreteConfig,
     (SENSORS, "[redundancy.references]"): References,
     (SENSORS, "Every [redundancy.baselines.<name>]"): Baseline,

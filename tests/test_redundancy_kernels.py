@@ -22,6 +22,7 @@ from rig.computer.redundancy.manager_config import (
     refuse_short_wait,
 )
 from rig.computer.redundancy.resets import Reset, command
+from rig.computer.redundancy.slow_tests_config import OFF
 from rig.computer.redundancy.state import STATE
 from rig.core.frame import SIGNALS, DecidedBy, Ilm, State, new_block
 
@@ -213,6 +214,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     fill(row[0], SignalConfig(threshold=0.5, fade_s=0.25), (-1.0, 2.0), 3, True, 100.0)
     plain = {name: row[name][0].tolist() for name in PARAMS.names or ()}
     assert plain == {
+        **dict.fromkeys(OFF, 0.0),
         "threshold": 0.5,
         "threshold_triplex": 0.5,
         "threshold_duplex": 0.5,

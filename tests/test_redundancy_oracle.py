@@ -29,12 +29,17 @@ from oracle_flights import (
     with_commands,
     with_outliers,
 )
+from oracle_slow_flights import slow_tests
 
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.manager_params import PARAM_FIELDS
 from rig.computer.redundancy.managers import Manager
 from rig.core.frame import DecidedBy, Ilm, Pattern, State, new_block
 
 FLAGS = {"bad": int(Ilm.BAD), "good": int(Ilm.GOOD), "absent": int(Ilm.ABSENT)}
+
+
+OF_TESTS = tuple(each.name for each in PARAM_FIELDS if each.part == "slow_tests")
 
 
 def run(flight: Flight) -> Voted:
@@ -50,7 +55,11 @@ def run(flight: Flight) -> Voted:
         wraps=s.turn > 0,
         limits=(0.0, 2 * np.pi) if s.turn else (max(s.low, -1000.0), min(s.high, 1000.0)),
         lanes=[[c in failed for c in range(4)] for failed in flight.lanes] or None,
-        params={"unresolved_frames": s.unresolved_frames, "referred": s.referred},
+        params={
+            "unresolved_frames": s.unresolved_frames,
+            "referred": s.referred,
+            **{name: getattr(s, name) for name in OF_TESTS},
+        },
         resets=[(k, c + 1) for k, commanded in enumerate(flight.resets) for c in commanded],
         readmit_frames=flight.readmit_frames,
         channels=s.channels,
@@ -168,6 +177,10 @@ OF_SLOW_FAULTS = (
     "stale in a split",
     "a repeat of which too few tell",
 )
+OF_SLOW_TESTS = (
+    *(f"test: {said}" for said in ("one", "not alone", "a slope", "no slope", "a half of 2", "a half of 4")),
+    "test: learned again after a reset",
+)
 OF_PAIRS = (
     *("the pair of extremes cut", "reference not monitored by a suspected pair", "both of a pair wrong by trend"),
     "common mode: lost",
@@ -187,6 +200,7 @@ FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]
     "outliers": (with_outliers, 150, ("outlier", "outlier: no two are close")),
     "behind a filter": (filtered, 150, OF_FILTERS),
     "slow faults": (slow_faults, 200, OF_SLOW_FAULTS),
+    "slow-fault tests": (slow_tests, 200, OF_SLOW_TESTS),
     "held": (held, 200, OF_HOLDS),
     "left by extremes": (left_by_extremes, 300, OF_PAIRS),
     "at the stop": (at_the_stop, 150, ()),

@@ -18,7 +18,7 @@ from unit_files import compiled, needs_a_compiler, written
 
 from rig.bench.unit_check import check, long_cases, our_answers
 from rig.bench.unit_long import FRAMES, MOST_FRAMES, TITLES, inputs_of
-from rig.computer.redundancy.manager_config import told
+from rig.computer.redundancy.manager_params import told
 from rig.core.frame import CHANNELS, Block, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.unit_records import ANSWERS
 from rig.unit.vectors import VOTES_WITHIN, differences

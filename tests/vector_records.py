@@ -14,7 +14,7 @@ from vector_flights import FRAMES, Flown, FlownDiscrete
 
 from rig.computer.redundancy.box import BOXES
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.manager_config import PARAMS, told
+from rig.computer.redundancy.manager_params import PARAMS, told
 from rig.core.frame import CHANNELS, SURFACES, D, DecidedBy, Ilm, Pattern, S, State
 from rig.unit.session import configuration
 from rig.unit.unit_records import FROM_UNIT, INPUT, OUTPUT, TO_UNIT, Kind, Role, Said, blank

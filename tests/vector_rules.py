@@ -12,6 +12,7 @@ from oracle_answers import Settings, View
 from oracle_boxes import ResettableOracle
 from oracle_references import References
 from oracle_slow_faults import SlowFaults
+from oracle_slow_tests import SlowTests
 from oracle_split import Split
 from oracle_trend import Trend
 
@@ -26,6 +27,7 @@ class Other(ResettableOracle):
 
     def __post_init__(self) -> None:
         self.split, self.trend, self.slow_faults = self.splits(), self.trends(), self.repeated(self.s)
+        self.slow_tests = SlowTests(self.s)
         self.references = self.told(self.s)
 
 

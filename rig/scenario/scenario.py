@@ -22,7 +22,7 @@ from rig.computer.control.gains_file import Gains
 from rig.computer.lanes.computers_table import Config as Computers
 from rig.computer.lanes.computers_table import refuse_long_offsets
 from rig.computer.redundancy import Config as Redundancy
-from rig.computer.redundancy.manager_config import refuse_short_wait
+from rig.computer.redundancy.manager_config import refuse_blind_tests, refuse_short_wait
 from rig.core.decimals import slack, slack_of_product
 from rig.core.errors import BadInput, RigError
 from rig.core.files import NOT_WHOLE, bundled, is_file, is_folder
@@ -51,7 +51,7 @@ from rig.world.plant.airframe import AirframeField
 from rig.world.plant.pilot import Config as Pilot
 from rig.world.plant.wind import Config as Wind
 from rig.world.plant.wind import Turbulence
-from rig.world.sensors import Suite, fitted
+from rig.world.sensors import Suite, data_sheets, fitted
 from rig.world.sensors.inertial import Config as Inertial
 from rig.world.sensors.noise_file import pin
 
@@ -136,6 +136,7 @@ class Scenario(Settings):
         self._servos_for_their_faults()
         refuse_long_offsets(self.computers, self.rate_hz)
         refuse_short_wait(self.redundancy, self.rate_hz)
+        refuse_blind_tests(self.redundancy, data_sheets(self.sensors, self.rate_hz))
         self._lanes_for_their_faults()
         fitted = {named.name: getattr(self.sensors, named.name).channels for named in (*SIGNALS, *DISCRETES)}
         check(self.faults, fitted)

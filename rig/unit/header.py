@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Any, Final
 
-from rig.computer.redundancy.manager_config import PARAM_FIELDS
+from rig.computer.redundancy.manager_params import PARAM_FIELDS
 from rig.core.frame import AUTOPILOT_COMMANDS, CHANNELS, DISCRETES, INERTIAL, SIGNALS, SURFACES, D, S
 from rig.core.frame.fields import FIELD
 from rig.unit.unit_records import ANSWERS, ENUMS, FROM_UNIT, LAYOUT, RECORDS, TO_UNIT, VERSION, Entry, members, walk

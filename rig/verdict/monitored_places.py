@@ -32,8 +32,9 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     """Return the (S,) config.PARAMS records of the flight's manager."""
     suite, config = scenario.sensors, scenario.redundancy
     ranges, channels = sensors.ranges(suite), sensors.channels(suite)
+    sheets = sensors.data_sheets(suite, scenario.rate_hz)
     params = flight_parameters(
-        config, ranges, channels, scenario.references, scenario.rate_hz, scenario.computers.count
+        config, ranges, channels, scenario.references, scenario.rate_hz, scenario.computers.count, sheets
     )
     kind = manager_kind(config.manager)
     if kind.kernel is not None and not kind.compares:

@@ -33,7 +33,7 @@ WORDS = {  # what isolated a channel, by the rule of the row
     "middle": "because it was not the middle channel",
     "box": "with its whole LRU",
     "common": "with all channels: two references disagreed with them",
-    "slow": "by the CUSUM of its small deviations",
+    "slow": "by a slow-fault rule",
     "lane": "because its computer was isolated",
     "given_up": "with all channels: no tie-break rule settled the split",
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from rig.core.frame import CHANNELS, INDEX, SIGNALS, D
 from rig.core.kernels import kernel
 from rig.core.settings import in_frames
 from rig.core.trust import Trust
+from rig.world.sensors.data_sheet import DataSheet
 
 
 class RedundancyData(NamedTuple):
@@ -48,6 +49,7 @@ class Redundancy:
         tested: Collection[str] = (),
         noise_std: NDArray[np.float64] | None = None,
         computers: int = 1,
+        sheets: Sequence[DataSheet] = (),
     ) -> None:
         """Make the stage.  BadInput: the user's manager.
 
@@ -55,9 +57,9 @@ class Redundancy:
         trust : whether a manager class that the settings name may be run; it may not when not given
         tested : signals whose common faults the control law finds by itself
         noise_std : (S,) of a sample of each sensor, unit of the signal; none when not given
-        computers : fitted
+        computers : fitted; sheets : figures of each signal's sensor, which the slow-fault tests need
         """
-        params = flight_parameters(config, ranges, channels, designed, rate_hz, computers)
+        params = flight_parameters(config, ranges, channels, designed, rate_hz, computers, sheets)
         params["common_fails"] = common_fails(config, tested)
         kind = manager_kind(config.manager)
         still = still_within(params["threshold"], np.zeros(len(SIGNALS)) if noise_std is None else noise_std)
@@ -88,12 +90,13 @@ def flight_parameters(
     designed: Designed,
     rate_hz: float,
     computers: int = 1,
+    sheets: Sequence[DataSheet] = (),
 ) -> NDArray[np.void]:
     """Return the (S,) PARAMS records of a flight's manager, but for what a common mode does.
 
-    ranges (S, 2), channels (S,) : of the sensors; computers : fitted; one has no other's health to ask
+    ranges (S, 2), channels (S,), sheets : of the sensors; computers : fitted; one has no other's health to ask
     """
-    params = parameters(config.signals, ranges, channels, rate_hz)
+    params = parameters(config.signals, ranges, channels, rate_hz, sheets)
     measured_thresholds(params, config, designed)
     if computers == 1:
         params["tie_break"] = without_lanes(params["tie_break"])

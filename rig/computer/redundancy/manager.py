@@ -18,6 +18,7 @@ from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, last_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
+from rig.computer.redundancy.slow_tests import forget_tests, isolate_slow
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
@@ -69,6 +70,7 @@ def readmit_unbiased(commanded, p, st):
     for c in range(p["fitted"]):
         if (out >> c) & 1 and not st["failed"][c]:
             st["bias"][c] = st["learned"][c] = 0
+            forget_tests(st)
             st["after_extremes"] = st["cut_frames"] = 0
 
 
@@ -118,7 +120,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     st["accused"] = accused(decided_by, ranked, p, st)
     count_miscompares(n, ranked, vote_before_fade, p, st)
     m = slow_faults.middle(n, reference, st) if slow_faults.lasts(p) and n >= 2 else 0.0
-    slow = slow_faults.watch_sums(m, n, p, st) if decided_by != DecidedBy.COMMON else slow_faults.NO_CHANNEL
+    slow = slow_of(m, reference, n, p, st) if decided_by != DecidedBy.COMMON else 0
     decided_by = latch_all(decided_by, slow, m, n, p, st)
     publish(vote_before_fade, p, st)
     return decided_by
@@ -165,17 +167,27 @@ def come_together(order, n, p, st):
 def latch_all(decided_by, slow, m, n, p, st):
     """Latch what has persisted and whom the sums fail, and learn; return the rule.
 
-    slow : channel that the sums of small deviations fail, or ``NO_CHANNEL``; m : the middle of the samples
+    slow : channels that sums or tests of small deviations fail, a bit each; m : the middle of the samples
     """
     level = st["level"]
-    if slow != slow_faults.NO_CHANNEL:
-        st["failed"][slow], decided_by = True, DecidedBy.SLOW.value
+    for c in range(p["fitted"]):
+        st["failed"][c] |= (slow >> c) & 1
     decided_by = settle(decided_by, p, st)
+    if slow != 0 and decided_by != DecidedBy.GIVEN_UP:
+        decided_by = DecidedBy.SLOW.value
     if st["level"] != level:
         slow_faults.begin_sums(st)
     else:
         slow_faults.learn_bias(m, n, p, st)
     return decided_by
+
+
+@kernel
+def slow_of(m, reference, n, p, st):
+    """Return the channels that the sums and the tests of small deviations fail, a bit each; m : the middle."""
+    summed = slow_faults.watch_sums(m, n, p, st)
+    tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
+    return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
 
 @kernel
@@ -193,8 +205,10 @@ def vote_quiet(reference, second, n, p, st):
     if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
         m = slow_faults.middle(n, reference, st)
         slow = last_quiet(m, n, p, st) if decided_by == DecidedBy.NONE else slow_faults.NO_CHANNEL
-        if decided_by != DecidedBy.NONE or slow != slow_faults.NO_CHANNEL:
-            decided_by = latch_all(decided_by, slow, m, n, p, st)
+        bits = 0 if slow == slow_faults.NO_CHANNEL else 1 << slow
+        bits |= isolate_slow(reference, n, p, st) if decided_by == DecidedBy.NONE else 0
+        if decided_by != DecidedBy.NONE or bits != 0:
+            decided_by = latch_all(decided_by, bits, m, n, p, st)
     publish(voted, p, st)
     return decided_by
 

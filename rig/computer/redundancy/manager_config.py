@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import Any, Final, Literal, NamedTuple, get_args
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,15 @@ from rig.computer.redundancy.baseline_managers.baseline_settings import Baseline
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete_config import PERSISTENCE, DiscreteConfigs
 from rig.computer.redundancy.lowpass import gain
+from rig.computer.redundancy.manager_params import PARAMS, TIE_BREAKS, TieBreak
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS
 from rig.computer.redundancy.resets import Reset
+from rig.computer.redundancy.slow_tests_config import SlowTests, refusal, tests_params
 from rig.core import settings
 from rig.core.frame import INDEX, SIGNALS, DecidedBy, S
 from rig.core.settings import Settings, in_frames, refuse_both
+from rig.world.sensors.data_sheet import DataSheet
 
-TieBreak = Literal["ilm", "lane", "reference", "trend", "extremes", "middle"]
-TIE_BREAKS: Final = len(get_args(TieBreak))
 CommonMode = Literal["report", "fail"]  # what two references against all channels do to a signal
 
 
@@ -58,6 +59,7 @@ class SignalConfig(Settings):
     # Sum of what exceeds it that fails a channel, unit times seconds.
     slow_limit: float | None = Field(default=None, gt=0)
     stale_frames: int = Field(default=0, ge=0)  # a sample repeated so often miscompares
+    slow_tests: SlowTests | None = None  # off when not given
     common_mode: CommonMode | None = None  # that of [redundancy] when not given
     mean: Literal["plain", "trend-weighted"] = "plain"
     readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
@@ -91,12 +93,17 @@ class SignalConfig(Settings):
 
     @model_validator(mode="after")
     def _bias_within(self) -> SignalConfig:
-        least = min(x for x in (self.threshold, self.threshold_triplex, self.threshold_duplex) if x is not None)
+        least = self.least_threshold
         if self.equalise_bound > least:
             raise ValueError(
                 f"equalise_bound: at most the threshold of every level, {least:g}, got {self.equalise_bound:g}"
             )
         return self
+
+    @property
+    def least_threshold(self) -> float:
+        """Return the smallest of the thresholds of four, three and two samples."""
+        return min(x for x in (self.threshold, self.threshold_triplex, self.threshold_duplex) if x is not None)
 
     @field_validator("tie_break")
     @classmethod
@@ -152,118 +159,6 @@ class Config(Settings):
         return baselines
 
 
-class Param(NamedTuple):
-    """One number that the kernels read of a signal's settings, and what a unit under test reads of it."""
-
-    name: str
-    base: str  # of its numpy type
-    meaning: str  # as a unit's header has it
-    part: Literal["signal", "slow_faults", "rules", ""] = "signal"  # record of a unit that holds it; "": none
-    shape: tuple[int, ...] = ()
-
-
-PARAM_FIELDS: Final = (
-    Param("threshold", "f8", "unit of the signal: two of four samples agree within it"),
-    Param("threshold_triplex", "f8", "unit of the signal: two of three samples"),
-    Param("threshold_duplex", "f8", "unit of the signal: two samples"),
-    Param("outlier_threshold", "f8", "unit of the signal: the narrower one for four samples that all agree; 0: none"),
-    Param("outlier_threshold_triplex", "f8", "unit of the signal: the same for three; 0: none"),
-    Param("filter_gain", "f8", "1: share of a new sample in the low-pass before the comparison; 0: no filter"),
-    Param(
-        "equalise_bound",
-        "f8",
-        "unit of the signal: largest difference that is learned of a channel; 0: none is",
-        "slow_faults",
-    ),
-    Param(
-        "equalise_gain",
-        "f8",
-        "1: share of a new residual in a channel equalisation, once as many frames as its inverse have been seen",
-        "slow_faults",
-    ),
-    Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "slow_faults"),
-    Param(
-        "slow_limit",
-        "f8",
-        "unit of the signal times frames: sum of what exceeds it that fails a channel; 0: no sums",
-        "slow_faults",
-    ),
-    Param(
-        "stale_frames",
-        "i8",
-        "frames in which a sample repeats while others move until it is not compared; 0: any may",
-        "slow_faults",
-    ),
-    Param("reference_threshold", "f8", "unit of the signal: a sample and the reference agree within it"),
-    Param(
-        "reference_airspeed_m_s",
-        "f8",
-        "m/s: error of a reference that is a dynamic pressure, as an airspeed; 0: of none",
-    ),
-    Param("second_threshold", "f8", "unit of the signal: as reference_threshold, of the second reference"),
-    Param(
-        "common_persistence", "i8", "frames in a row of two references against all channels until it is a common mode"
-    ),
-    Param("common_fails", "u1", "1: a common mode fails all channels; 0: it is reported"),
-    Param(
-        "low", "f8", "unit of the signal: least sample of the sensor; of an angle that wraps where its circle begins"
-    ),
-    Param("high", "f8", "unit of the signal: largest sample of the sensor"),
-    Param("persistence", "i8", "miscomparing frames in a row until a channel is isolated"),
-    Param("split_persistence", "i8", "frames until a split is settled"),
-    Param("trend_frames", "i8", "bits of a trend byte, 1 to 8"),
-    Param("readmit_frames", "i8", "frames in a row of agreement before a reset readmits a failed channel"),
-    Param("fade_frames", "i8", "frames in which the vote fades after a change of level; 0: none"),
-    Param("deviation", "f8", "unit of the signal: tolerated deviation from the mean; manager selection alone"),
-    Param(
-        "deviation_frames",
-        "f8",
-        "unit of the signal times frames: integral of what exceeds it; manager selection alone",
-    ),
-    Param("fitted", "i8", "channels that there are, the first ones"),
-    Param("tie_break", "i8", "in their order, of DecidedBy; 0 behind the last", shape=(TIE_BREAKS,)),
-    Param("wraps", "u1", "1: an angle in rad on the circle, differences go the short way"),
-    Param("weighted", "u1", "1: means of the middle samples and of a good pair are weighted by their trend"),
-    Param(
-        "count_down", "f8", "frames that an agreeing one takes off the count of miscompares; 0: all of them", "rules"
-    ),
-    Param(
-        "unresolved_frames",
-        "i8",
-        "frames in a row without a tie-break until all channels are isolated; 0: never",
-        "rules",
-    ),
-    Param(
-        "trend_small",
-        "f8",
-        "unit of the signal: changes of at most that are a trend after one frame; -1: none are",
-        "rules",
-    ),
-    Param(
-        "trend_tumbles",
-        "u1",
-        "1: trend bytes begin again every trend_frames frames, and the result of whole ones stands",
-        "rules",
-    ),
-    Param("trend_beside_reference", "u1", "1: the trend is asked of a signal with a reference, too", "rules"),
-    Param("referred", "u1", "1: a reference is configured", "rules"),
-    Param(
-        "tells",
-        "i8",
-        "the signal's own bit, 1 shifted by its index, if the references of others read it; 0: they do not",
-        "rules",
-    ),
-    Param("sources", "i8", "bits of signals that its references read, of those that have their bit in tells", "rules"),
-    Param("box", "i8", "box of the signal, 1 to 16; 0: in none", "rules"),
-)
-PARAMS: Final = np.dtype([(each.name, each.base, each.shape) for each in PARAM_FIELDS], align=True)
-
-
-def told(part: str) -> tuple[str, ...]:
-    """Return the fields of PARAMS that a record of a unit holds."""
-    return tuple(each.name for each in PARAM_FIELDS if each.part == part)
-
-
 def without_lanes(tie_break: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return (n, TIE_BREAKS) tie-break rules in their order without the lanes' health: one computer has no lanes."""
     rows = [[code for code in row if code != DecidedBy.LANE] for row in tie_break.tolist()]
@@ -275,6 +170,14 @@ def refuse_short_wait(config: Config, rate_hz: float) -> None:
     of_signals = {signal.name: getattr(config.signals, signal.name) for signal in SIGNALS}
     if short := short_wait(config.unresolved_s, of_signals, rate_hz):
         raise ValueError(f"redundancy.{short}")
+
+
+def refuse_blind_tests(config: Config, sheets: Sequence[DataSheet]) -> None:
+    """Raise ValueError where slow-fault tests cannot be run; ``sheets`` of each signal's sensor."""
+    for signal, sheet in zip(SIGNALS, sheets, strict=True):
+        own: SignalConfig = getattr(config.signals, signal.name)
+        if own.slow_tests is not None and (why := refusal(own.slow_tests, own.least_threshold, sheet)):
+            raise ValueError(f"redundancy.signals.{signal.name}.{why}")
 
 
 def short_wait(unresolved_s: float, signals: Mapping[str, SignalConfig], rate_hz: float) -> str:
@@ -292,18 +195,29 @@ def short_wait(unresolved_s: float, signals: Mapping[str, SignalConfig], rate_hz
 
 
 def parameters(
-    configs: Any, ranges: NDArray[np.float64], channels: NDArray[np.int64], rate_hz: float
+    configs: Any,
+    ranges: NDArray[np.float64],
+    channels: NDArray[np.int64],
+    rate_hz: float,
+    sheets: Sequence[DataSheet] = (),
 ) -> NDArray[np.void]:
-    """Return the (S,) PARAMS records of a ``SignalConfigs``; ``ranges`` (S, 2) and ``channels`` (S,) of the sensors."""
+    """Return the (S,) PARAMS records of a ``SignalConfigs``; ranges (S, 2), channels, sheets (S,) : of the sensors."""
     params = np.zeros(S, PARAMS)
     for i, signal in enumerate(SIGNALS):
         config: SignalConfig = getattr(configs, signal.name)
-        fill(params[i], config, (ranges[i, 0], ranges[i, 1]), int(channels[i]), signal.wraps, rate_hz)
+        sheet = sheets[i] if sheets else None
+        fill(params[i], config, (ranges[i, 0], ranges[i, 1]), int(channels[i]), signal.wraps, rate_hz, sheet)
     return params
 
 
 def fill(
-    row: Any, config: SignalConfig, limits: tuple[float, float], channels: int, wraps: bool, rate_hz: float
+    row: Any,
+    config: SignalConfig,
+    limits: tuple[float, float],
+    channels: int,
+    wraps: bool,
+    rate_hz: float,
+    sheet: DataSheet | None = None,
 ) -> None:
     """Write one signal's settings into its PARAMS record, without what its references and common mode add."""
     threshold = config.threshold
@@ -319,6 +233,7 @@ def fill(
         equalise_gain=min(1.0, 1.0 / (config.equalise_s * rate_hz)),
         slow_allowance=config.slow_allowance or 0.0,
         slow_limit=(config.slow_limit or 0.0) * rate_hz,
+        **tests_params(config.slow_tests, sheet),
         reference_threshold=config.reference_threshold or threshold,
         reference_airspeed_m_s=0.0,
         second_threshold=threshold,

@@ -26,8 +26,8 @@ CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the 
 
 @kernel
 def lasts(p):
-    """Return True if residuals of a signal are learned or summed."""
-    return p["equalise_bound"] > 0.0 or p["slow_limit"] > 0.0
+    """Return True if residuals of a signal are learned, summed or tested."""
+    return p["equalise_bound"] > 0.0 or p["slow_limit"] > 0.0 or p["slow_means"] > 0.0
 
 
 @kernel

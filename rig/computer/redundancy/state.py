@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.opinions import NO_ANSWER
+from rig.computer.redundancy.slow_tests import TESTS
 from rig.core.frame import CHANNELS
 
 STATE: Final = np.dtype(
@@ -39,6 +40,7 @@ STATE: Final = np.dtype(
         ("last_sample", "f8", (CHANNELS,)),
         ("last_reference", "f8"),
         ("repeats", "i8", (CHANNELS,)),
+        ("tests", TESTS),  # slow_tests.py
         ("stale", "i8"),  # a bit for each channel whose sample has repeated for too long
         ("before", "f8", (CHANNELS,)),  # comparable samples of the last frame, NaN where none; for weighted means
         ("now", "f8", (CHANNELS,)),  # and of this one

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from math import pi
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from rig.computer.redundancy.manager_config import SignalConfig
 from rig.computer.redundancy.managers import DEFAULT, MANAGERS, manager_kind
+from rig.computer.redundancy.slow_tests_config import refusal
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.core.units.constants import TWO_PI
@@ -66,6 +67,12 @@ class RecordedSignal(SignalConfig):
             raise ValueError(f"bad_from_start: manager {self.manager} isolates no channel for good; allowed: {allowed}")
         return self
 
+    @model_validator(mode="after")
+    def _has_noise(self) -> RecordedSignal:
+        if self.slow_tests is not None and (why := refusal(self.slow_tests, self.least_threshold, None)):
+            raise ValueError(why)
+        return self
+
     _scale: float = PrivateAttr(1.0)
     _si: str = PrivateAttr("")
     _range_is_assumed: bool = PrivateAttr(False)
@@ -91,9 +98,13 @@ class RecordedSignal(SignalConfig):
 
     def scaled(self, factor: float) -> RecordedSignal:
         """Return these settings with every amount times ``factor``."""
-        given = {name: amount * factor for name in AMOUNTS if (amount := getattr(self, name)) is not None}
+        given: dict[str, Any] = {
+            name: amount * factor for name in AMOUNTS if (amount := getattr(self, name)) is not None
+        }
         if self.range is not None:
             given["range"] = [limit * factor for limit in self.range]
+        if self.slow_tests is not None:
+            given["slow_tests"] = self.slow_tests.scaled(factor)
         return self.model_copy(update=given)
 
     @property

@@ -11,5 +11,14 @@
 Equations and order of the effects: docs/reference/sensors-and-redundancy.md.
 """
 
-from rig.world.sensors.data_sheet import Sensor, Suite, channels, discrete_channels, fitted, noise_std, ranges
+from rig.world.sensors.data_sheet import (
+    Sensor,
+    Suite,
+    channels,
+    data_sheets,
+    discrete_channels,
+    fitted,
+    noise_std,
+    ranges,
+)
 from rig.world.sensors.kernel import SensorData, Sensors, measure

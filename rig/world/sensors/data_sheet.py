@@ -7,7 +7,7 @@ is drawn once a flight for each channel, uniform within plus and minus it.
 from __future__ import annotations
 
 from math import hypot, sqrt
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,6 +158,23 @@ def ranges(suite: Settings) -> NDArray[np.float64]:
 def noise_std(suite: Settings, rate_hz: float) -> NDArray[np.float64]:
     """Return (S,) standard deviation of the white noise of a sample, unit of the signal."""
     return np.array([getattr(suite, signal.name).sample_noise_std(rate_hz) for signal in SIGNALS])
+
+
+class DataSheet(NamedTuple):
+    """The figures of a sensor that limit what its channels differ by."""
+
+    noise_std: float  # of a sample, unit of the signal
+    bias_tolerance: float  # the same
+    scale_tolerance: float  # 1
+    skew_frames: float
+
+
+def data_sheets(suite: Settings, rate_hz: float) -> list[DataSheet]:
+    """Return the figures of each signal's sensor."""
+    sensors = [getattr(suite, signal.name) for signal in SIGNALS]
+    return [
+        DataSheet(of.sample_noise_std(rate_hz), of.bias_tolerance, of.scale_tolerance, of.skew_frames) for of in sensors
+    ]
 
 
 def channels(suite: Settings) -> NDArray[np.int64]:

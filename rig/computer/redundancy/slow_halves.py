@@ -1,0 +1,152 @@
+"""Two channels that are wrong alike, or one of the last two: halves of the channels against the reference.
+
+D is the difference of two halves: of four channels there are three ways to halve them, of two there is one.  A healthy
+reference follows the right half, so beside the median it moves against D if the first half is wrong, with D if the
+second is: the slope of (reference less its bias less median) on D over a second decides.  A constant error of the
+reference has no part in a slope.  Where D is no larger than the reference's own healthy error nothing is decided.
+Added: docs/explanation/decisions.md, 'Slow-fault tests'.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.core.frame import CHANNELS
+from rig.core.kernels import kernel
+
+SLOW: Final = 100.0  # frames of a slow mean
+LEARNING: Final = 1000.0  # frames of the mean that a bias is
+BURST: Final = 14.0  # frames that the largest steps need to reach a limit
+MEANS_FROM: Final = 200  # frames that are learned before a mean tells anything
+WAYS: Final = 3  # to halve four channels
+ALONE: Final = 0.35  # of the largest mean square: what those of other ways are below, if one way is meant
+DECIDING: Final = 10  # frames in a row
+REFERENCE_FROM: Final = 300  # frames that are learned of a reference before it is asked
+LEAST_SLOPE: Final = 0.1
+HALVES: Final = (
+    ("apart", "f8", (WAYS,)),  # D, first half less second
+    ("apart_mean", "f8", (WAYS,)),
+    ("apart_square", "f8", (WAYS,)),
+    ("apart_whole", "f8", (WAYS,)),  # mean square without the allowance for motion
+    ("apart_product", "f8", (WAYS,)),  # with the reference's difference from the median
+    ("halves_noise", "f8"),  # variance of the way that has least, its mean
+    ("halves_shaken", "f8"),  # and of the last second
+    ("halves_share", "f8"),  # of its limit, of the way that has most
+    ("halves_run", "i8"),  # frames in a row: above zero the second half is wrong, below zero the first
+)
+NONE: Final = -1
+
+
+@kernel
+def reached(frames):
+    """Return the share of a constant that a mean over ``frames`` reaches within BURST frames."""
+    return 1.0 - math.exp(-BURST / frames)
+
+
+@kernel
+def begin_halves(n, t):
+    """Begin the means of all ways again, with ``n`` channels in use."""
+    t["halves_run"], t["halves_share"], t["halves_shaken"] = 0, 0.0, 0.0
+    for way in range(WAYS):
+        t["apart_mean"][way] = t["apart_product"][way] = 0.0
+        t["apart_square"][way] = t["apart_whole"][way] = (2.0 if n == 2 else 1.0) * t["halves_noise"]
+
+
+@kernel
+def no_half(t):
+    """Suspect no half in this frame; return NONE."""
+    t["halves_share"] = 0.0
+    return NONE
+
+
+@kernel
+def reference_error(p, t):
+    """Return the largest error of a healthy reference without its bias, at the present motion."""
+    return p["slow_reference"] + p["slow_reference_frames"] * t["motion"]
+
+
+@kernel
+def suspect_halves(n, allowed, p, t):
+    """Move the means of the ways to halve ``n`` channels; return the one that is suspected, or NONE.
+
+    Writes ``halves_share``.  One way is meant if the others have less than ALONE of its mean square.
+    """
+    if n == 3:
+        return no_half(t)
+    healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], t["halves_shaken"], p["slow_noise"] ** 2)
+    sigma, allowed, ways = math.sqrt(healthy), (1.5 if n == CHANNELS else 2.0) * allowed, write_apart(n, t)
+    step = t["slow_step"] * sigma
+    most, off = max(step, 2.8 * reference_error(p, t)), t["reference_off"]
+    square, first, second, least, way = t["apart_square"], 0.0, 0.0, np.inf, 0
+    gain = 1.0 / min(SLOW, float(t["learned"]))
+    for w in range(ways):
+        d = min(max(t["apart"][w], -most), most)
+        t["apart_whole"][w] += (d * d - t["apart_whole"][w]) * gain
+        d = math.copysign(max(abs(d) - allowed, 0.0), d)
+        t["apart_mean"][w] += (min(max(d, -step), step) - t["apart_mean"][w]) * (1.0 / SLOW)
+        square[w] += (d * d - square[w]) * gain
+        if np.isfinite(off):
+            t["apart_product"][w] += (min(max(off, -most), most) * d - t["apart_product"][w]) * (1.0 / SLOW)
+        least = min(least, t["apart_whole"][w])
+        if square[w] > first:
+            first, second, way = square[w], first, w
+        else:
+            second = max(second, square[w])
+    if n == CHANNELS:
+        t["halves_shaken"] = least
+        t["halves_noise"] += (least - t["halves_noise"]) / min(float(t["learned"]), LEARNING)
+    if t["learned"] < MEANS_FROM:
+        return no_half(t)
+    by_mean = abs(t["apart_mean"][way]) / (t["slow_limit"] / p["slow_means"] * sigma)
+    by_square = (square[way] / healthy - 1.0) / (1.2 * t["square_limit"] / p["slow_squares"])
+    t["halves_share"] = max(by_mean, by_square) / p["slow_halves"]
+    return way if n == 2 or second < ALONE * first else NONE
+
+
+@kernel
+def write_apart(n, t):
+    """Write D of each way; return how many ways there are.  The first half has the channel with the least number."""
+    value, order = t["value"], t["order"]
+    if n == 2:
+        t["apart"][0] = value[min(order[0], order[1])] - value[max(order[0], order[1])]
+        return 1
+    t["apart"][0] = 0.5 * ((value[0] - value[2]) + (value[1] - value[3]))
+    t["apart"][1] = 0.5 * ((value[0] - value[1]) + (value[2] - value[3]))
+    t["apart"][2] = 0.5 * ((value[0] - value[1]) + (value[3] - value[2]))
+    return WAYS
+
+
+@kernel
+def isolate_half(way, n, usable, p, t):
+    """Return the bits of the half that the slope has decided against for DECIDING frames in a row; 0 for none.
+
+    way : suspected, or NONE; usable : the reference may be asked
+    """
+    near, run = reference_error(p, t), 0
+    asked = way != NONE and t["halves_share"] > 1.0 and usable != 0 and p["slow_reference"] > 0.0
+    if asked and t["reference_learned"] > REFERENCE_FROM and np.isfinite(t["reference_off"]):
+        size, slope = math.sqrt(t["apart_square"][way]), t["apart_product"][way] / t["apart_square"][way]
+        steep = abs(slope)
+        if steep > LEAST_SLOPE and size * (steep + 0.5) >= near and (steep - 0.5) * size <= near:
+            run = max(t["halves_run"], 0) + 1 if slope > 0.0 else min(t["halves_run"], 0) - 1
+    t["halves_run"] = run
+    if abs(run) < DECIDING:
+        return 0
+    first = first_half(way, n, t)
+    if run < 0:
+        return first
+    whole = 0
+    for i in range(n):
+        whole |= 1 << t["order"][i]
+    return whole & ~first
+
+
+@kernel
+def first_half(way, n, t):
+    """Return the bits of the first half of a way."""
+    if n == 2:
+        return 1 << min(t["order"][0], t["order"][1])
+    return 1 | (2 << way)

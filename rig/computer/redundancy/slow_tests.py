@@ -1,0 +1,238 @@
+"""Slow-fault tests: three means of each channel's residual, against limits that follow from its noise.
+
+A residual is a sample, less what is learned of its channel (its bias), less the median of all channels without theirs.
+A fast and a slow mean of it find offsets, drifts, slow oscillations and frozen samples; a mean of its square finds
+noise and fast oscillations.  Steps are limited, so that an error of fewer frames than BURST moves no mean to its limit.
+Two channels that are wrong alike, or two that are left, are the business of slow_halves.py.
+Added: docs/explanation/decisions.md, 'Slow-fault tests'.  No vote is moved: channels are isolated.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rig.computer.redundancy import median_vote as vote
+from rig.computer.redundancy.compare import is_split, sort
+from rig.computer.redundancy.slow_halves import (
+    HALVES,
+    LEARNING,
+    MEANS_FROM,
+    SLOW,
+    begin_halves,
+    isolate_half,
+    no_half,
+    reached,
+    suspect_halves,
+)
+from rig.core.frame import CHANNELS, Pattern
+from rig.core.kernels import kernel
+from rig.core.units.angles import difference
+
+FAST, SQUARE = 16.0, 128.0  # frames of the fast mean and of that of squares
+SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
+SQUARES_FROM: Final = 500  # frames that are learned before the mean of squares tells anything
+CALM: Final = 0.5  # of a limit
+TESTS: Final = np.dtype(
+    [
+        ("learned", "i8"),  # frames
+        ("level", "i8"),  # channels in use, of which the means are
+        ("bias", "f8", (CHANNELS,)),
+        ("value", "f8", (CHANNELS,)),  # samples without it
+        ("order", "i8", (CHANNELS,)),  # channels by ascending value
+        ("fast", "f8", (CHANNELS,)),  # in units of the noise
+        ("slow", "f8", (CHANNELS,)),
+        ("square", "f8", (CHANNELS,)),  # in the square of the signal's unit
+        ("whole", "f8", (CHANNELS,)),  # the same without the allowance for motion
+        ("share", "f8", (CHANNELS,)),  # of its limit, the largest of the three
+        ("noise", "f8"),  # variance that the channels have in common, its mean
+        ("shaken", "f8"),  # and of the last second
+        ("fast_limit", "f8"),
+        ("slow_limit", "f8"),
+        ("square_limit", "f8"),
+        ("fast_step", "f8"),  # largest residual that counts, in the same units
+        ("slow_step", "f8"),
+        ("square_step", "f8"),
+        ("limits_until", "i8"),  # frames learned
+        ("usual_middle", "f8"),  # mean of the middle over the frames of which the biases are
+        ("last_middle", "f8"),
+        ("rate", "f8"),  # mean change of the middle a frame
+        ("motion", "f8"),  # largest one of the last second
+        ("reference_bias", "f8"),
+        ("reference_learned", "i8"),  # frames
+        ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
+        *HALVES,
+    ],
+    align=True,
+)
+
+
+@kernel
+def isolate_slow(reference, n, p, st):
+    """Move all means by a frame and learn; return the channels that a test isolates, a bit each.
+
+    reference : NaN where there is none; n : ranked samples, of all channels in use; p, st : PARAMS and STATE
+    """
+    if p["slow_means"] <= 0.0 or n < 2:
+        return 0
+    t = st["tests"]
+    m = rank_without_bias(n, st, t)
+    if not np.isfinite(m):  # differences near the largest number
+        return 0
+    if t["learned"] == 0:
+        t["usual_middle"] = t["last_middle"] = m
+    if t["level"] != n:
+        begin_again(n, t)
+    if t["learned"] >= t["limits_until"]:
+        renew_limits(p, t)
+    variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
+    moved = difference(m, t["usual_middle"], p["wraps"])
+    allowed = allowance(m, moved, math.sqrt(variance), n, p, t)
+    worst = move_means(m, allowed, variance, n, p, t) if t["learned"] > 0 else 0
+    t["reference_off"] = difference(reference - t["reference_bias"], m, p["wraps"])
+    ways = suspect_halves(n, allowed, p, t) if t["learned"] > 0 else no_half(t)
+    bits = isolate_half(ways, n, st["reference_usable"], p, t)
+    alike = t["halves_share"] * p["slow_halves"]
+    suspected = max(t["share"][worst], t["halves_share"])
+    if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
+        bits = isolate_one(worst, n, t)
+    if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
+        learn(m, moved, t["fast_step"] * math.sqrt(variance) + allowed, n, p, st)
+    return bits
+
+
+@kernel
+def rank_without_bias(n, st, t):
+    """Write ``value`` and ``order`` of the ``n`` ranked samples without their biases; return the median of them."""
+    x, value, order, bias = st["x"], t["value"], t["order"], t["bias"]
+    for i in range(n):
+        c = st["order"][i]
+        value[c], order[i] = x[c] - bias[c], c
+    sort(value, order, n)
+    return vote.mean(value[order[(n - 1) // 2]], value[order[n // 2]], 0.5)
+
+
+@kernel
+def begin_again(n, t):
+    """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay."""
+    t["level"], t["shaken"] = n, 0.0
+    for c in range(CHANNELS):
+        t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
+        t["square"][c] = t["whole"][c] = t["noise"]
+    begin_halves(n, t)
+
+
+@kernel
+def forget_tests(st):
+    """Begin to learn the signal again, after a readmission: no bias, no noise, no limits."""
+    t = st["tests"]
+    t["learned"] = t["level"] = t["limits_until"] = t["reference_learned"] = 0
+    t["noise"] = t["reference_bias"] = t["rate"] = t["motion"] = t["halves_noise"] = 0.0
+    for c in range(CHANNELS):
+        t["bias"][c] = t["share"][c] = 0.0
+
+
+@kernel
+def renew_limits(p, t):
+    """Set the limits for what is known of the biases; again when a tenth more is.
+
+    White noise of variance 1 leaves the variance 1 / (2 T) in a mean over T frames, 1 / k in a bias of k frames, and
+    twice as much in those of squares.
+    """
+    known = float(min(max(t["learned"], 1), 2.0 * LEARNING))
+    t["fast_limit"] = p["slow_means"] * SIGMAS * math.sqrt(0.5 / FAST + 1.0 / known)
+    t["slow_limit"] = p["slow_means"] * SIGMAS * math.sqrt(0.5 / SLOW + 1.0 / known)
+    t["square_limit"] = p["slow_squares"] * SIGMAS * math.sqrt(1.0 / SQUARE + 2.0 / known)
+    t["fast_step"] = t["fast_limit"] / reached(FAST)
+    t["slow_step"] = t["slow_limit"] / reached(SLOW)
+    t["square_step"] = 1.0 + t["square_limit"] / reached(SQUARE)
+    t["limits_until"] = np.int64(1.1 * known) + 1 if known < 2.0 * LEARNING else np.int64(1) << 60
+
+
+@kernel
+def allowance(m, moved, sigma, n, p, t):
+    """Return what a residual may be by motion alone: other scales since the bias was learned, other times of sampling.
+
+    m : the middle; moved : since the biases were learned; sigma : noise
+    """
+    change = difference(m, t["last_middle"], p["wraps"])
+    t["last_middle"] = m
+    t["rate"] += (change - t["rate"]) / FAST
+    t["motion"] = max(abs(t["rate"]), t["motion"] * (1.0 - 1.0 / SLOW))
+    if n > 2:
+        t["motion"] = max(t["motion"], abs(change) - 3.0 * sigma)
+    return 2.0 * p["slow_scale"] * abs(moved) + p["slow_skew"] * t["motion"]
+
+
+@kernel
+def move_means(m, allowed, variance, n, p, t):
+    """Move the three means of each channel and the common noise; return the channel with the largest share.
+
+    The noise follows the second lowest mean square of the whole residuals (of two: the lowest): what all channels
+    shake alike raises the limits of all, what one does raises none.
+    """
+    k, order, value, share = t["learned"], t["order"], t["value"], t["share"]
+    fast, slow, square, whole = t["fast"], t["slow"], t["square"], t["whole"]
+    fast_step, slow_step, one = t["fast_step"], t["slow_step"], 1.0 / math.sqrt(variance)
+    most, gain, worst = t["square_step"] * variance, 1.0 / min(SQUARE, float(k)), order[0]
+    lowest = second = np.inf
+    of_fast, of_slow = 1.0 / t["fast_limit"], 1.0 / t["slow_limit"]
+    of_square, of_variance = 1.0 / t["square_limit"], one * one
+    for i in range(n):
+        c = order[i]
+        r = value[c] - m
+        whole[c] += gain * (min(r * r, most) - whole[c])
+        r = math.copysign(max(abs(r) - allowed, 0.0), r)
+        z = r * one
+        fast[c] += (min(max(z, -fast_step), fast_step) - fast[c]) * (1.0 / FAST)
+        slow[c] += (min(max(z, -slow_step), slow_step) - slow[c]) * (1.0 / SLOW)
+        square[c] += gain * (min(r * r, most) - square[c])
+        second, lowest = min(second, max(lowest, whole[c])), min(lowest, whole[c])
+        reached_one = max(abs(fast[c]) * of_fast, abs(slow[c]) * of_slow) if k >= MEANS_FROM else 0.0
+        if k >= SQUARES_FROM:
+            reached_one = max(reached_one, (square[c] * of_variance - 1.0) * of_square)
+        share[c] = reached_one
+        worst = c if reached_one > share[worst] else worst
+    t["shaken"] = second if n > 2 else lowest
+    t["noise"] += (t["shaken"] - t["noise"]) / min(float(k), LEARNING)
+    return worst
+
+
+@kernel
+def isolate_one(worst, n, t):
+    """Return the bit of the channel whose share is above 1, if most others are below half of it; 0 for none.
+
+    Most: more than half of the channels, or two of four, whose other two are then told apart by slow_halves.
+    """
+    share, order, calm = t["share"], t["order"], 0
+    if share[worst] <= 1.0:
+        return 0
+    for i in range(n):
+        calm += share[order[i]] < CALM * share[worst]
+    return 1 << worst if 2 * calm > n or (n == CHANNELS and calm == 2) else 0
+
+
+@kernel
+def learn(m, moved, step, n, p, st):
+    """Move the biases towards the residuals, within their bound, and that of the reference; frames of no suspicion.
+
+    Each is the mean of the first LEARNING frames, then it follows.  After the first frame a residual counts up to
+    ``step``, as for the fast mean: a burst before the tests begin is not learned.
+    """
+    t = st["tests"]
+    step = step if t["learned"] > 0 else np.inf
+    gain = 1.0 / min(t["learned"] + 1.0, LEARNING)
+    t["usual_middle"] += gain * moved
+    bound = p["slow_bias"] + 1.6 * p["slow_scale"] * abs(t["usual_middle"])
+    for i in range(n):
+        c = t["order"][i]
+        moved_by = gain * min(max(t["value"][c] - m, -step), step)
+        t["bias"][c] = min(max(t["bias"][c] + moved_by, -bound), bound)
+    t["learned"] += 1
+    off, most = t["reference_off"], st["reference_threshold"]
+    if np.isfinite(off):
+        off /= min(t["reference_learned"] + 1.0, LEARNING)
+        t["reference_bias"] = min(max(t["reference_bias"] + off, -most), most)
+        t["reference_learned"] += 1

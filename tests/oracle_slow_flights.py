@@ -1,0 +1,75 @@
+"""Flights long enough for the slow-fault tests to learn, with small faults; then one of the other flights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sin
+from random import Random
+
+from oracle_flights import Flight, Pick, before_the, filtered, slow_faults, with_commands, with_outliers
+
+BESIDE = 1.0 / 1024.0
+SINGLE = ("none", "offset", "drift", "noise", "oscillation", "stuck")
+FAULTS = (*SINGLE, *("pair", "pair drift", "pair oscillation", "third", "third", "third", "third") * 3)
+
+
+def slow_tests(flight: Flight, pick: Pick) -> Flight:
+    """The flight after some seconds with the tests on, alone or with another rule beside them."""
+    more = {
+        "slow_means": pick([1.0, 1.3]),
+        "slow_squares": pick([1.0, 1.7]),
+        "slow_halves": pick([1.0, 1.0, 1.0, 2.0]),
+        "slow_bias": pick([0.05, 0.3]),
+        "slow_scale": pick([0.0, 0.01]),
+        "slow_noise": pick([0.01, 0.03]),
+        "slow_skew": pick([0.0, 0.5]),
+        "slow_reference": pick([0.0, 0.05, 0.02, 0.02, 0.01]),
+        "slow_reference_frames": pick([0.0, 1.0]),
+    }
+    beside = {name: getattr(flight.settings, name) + BESIDE for name in ("threshold", "reference_threshold")}
+    flight = replace(flight, settings=replace(flight.settings, **beside, **more))
+    changed = pick([as_it_is, as_it_is, filtered, with_outliers, slow_faults])(flight, pick)
+    return pick([as_it_is, with_commands])(before_the(changed, some_seconds(changed, pick)), pick)
+
+
+def as_it_is(flight: Flight, _: Pick) -> Flight:
+    return flight
+
+
+def some_seconds(flight: Flight, pick: Pick) -> Flight:
+    """Noise of 0.02 and biases up to 0.1 on a value that moves little, and a fault after some seconds."""
+    s, random = flight.settings, Random(pick(range(10**6)))
+    calm, after, fault = pick([150, 380, 380, 600]), pick([120, 260]), pick(FAULTS)
+    slope, swing, bias = pick([0.0, 0.002]), pick([0.0, 0.3]), [random.uniform(-0.1, 0.1) for _ in range(4)]
+    size, wrong = pick([0.08, 0.15, 0.3, 0.6]) * pick([1, -1]), random.sample(range(s.channels), 2)
+    left = random.choice([c for c in range(s.channels) if c != wrong[0]])
+    off, holds = pick([None, 0.0, 0.2, 0.2]), dict[int, float]()
+    samples, references = list[list[float | None]](), list[float | None]()
+    for k in range(calm + after):
+        truth, row = 3.0 + slope * k + swing * sin(k / 40.0), list[float | None]()
+        for c in range(4):
+            x = truth + bias[c] + random.gauss(0.0, 0.02)
+            if k >= calm and c in (wrong if fault.startswith("pair") else wrong[:1]):
+                x = faulty(
+                    fault.removeprefix("pair").strip() or "offset", x, size, k - calm, random, holds.setdefault(c, x)
+                )
+            if fault == "third" and c not in (wrong[0], left) and k > 20:
+                x += 5.0
+            row.append(x if c < s.channels and random.random() > 0.001 else None)
+        samples.append(row)
+        references.append(None if off is None else truth + off + random.gauss(0.0, 0.004))
+    n = len(samples)
+    return Flight(s, samples, [("absent",) * 4] * n, references, [None] * n, [()] * n)
+
+
+def faulty(fault: str, x: float, size: float, k: int, random: Random, hold: float) -> float:
+    """A sample, ``k`` frames after the onset; hold : that of the onset."""
+    moved = {
+        "offset": size,
+        "third": size,
+        "drift": size * k / 50.0,
+        "noise": random.gauss(0.0, abs(size)),
+        "oscillation": size * sin(k / 6.0),
+        "stuck": hold - x,
+    }
+    return x + moved.get(fault, 0.0)

@@ -1,0 +1,198 @@
+"""The oracle's slow-fault tests: three means of each residual, and halves of the channels against the reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import exp, inf, sqrt
+from statistics import median
+
+from oracle_answers import Settings, View
+
+WAYS = [({0, 1}, {2, 3}), ({0, 2}, {1, 3}), ({0, 3}, {1, 2})]
+
+
+def cut(x: float, most: float) -> float:
+    """``x``, no further from zero than ``most``."""
+    return max(-most, min(most, x))
+
+
+def less(x: float, by: float) -> float:
+    """``x``, nearer to zero by an allowance."""
+    return x - cut(x, by)
+
+
+@dataclass
+class Mean:
+    """A mean over a number of frames that forgets."""
+
+    value: float = 0.0
+
+    def move(self, x: float, frames: float) -> float:
+        self.value += (x - self.value) / frames
+        return self.value
+
+
+@dataclass
+class SlowTests:
+    """Memory of one signal; channels are keys."""
+
+    s: Settings
+    rules: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.forget()
+        self.begun = True  # the first time is no other time
+
+    def forget(self) -> None:
+        """Everything starts again."""
+        self.k, self.reference_k, self.level, self.bound_k = 0, 0, 0, 0
+        self.bias = dict.fromkeys(range(4), 0.0)
+        self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
+        self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
+
+    def begin(self, n: int) -> None:
+        """Another number of channels."""
+        self.level, self.run, self.shaken = n, 0, 0.0
+        self.fast, self.slow = ({c: Mean() for c in range(4)} for _ in range(2))
+        self.squares, self.whole = ({c: Mean(self.noise.value) for c in range(4)} for _ in range(2))
+        twice = 2.0 if n == 2 else 1.0
+        self.d, self.d_rho = [Mean() for _ in WAYS], [Mean() for _ in WAYS]
+        self.d_squares, self.d_whole = ([Mean(twice * self.halves_noise.value) for _ in WAYS] for _ in range(2))
+        self.halves_shaken = 0.0
+
+    def limit(self, frames: float, factor: float) -> float:
+        return 6.0 * factor * sqrt(0.5 / frames + 1.0 / self.known)
+
+    @property
+    def squares_limit(self) -> float:
+        return 6.0 * self.s.slow_squares * sqrt(1.0 / 128.0 + 2.0 / self.known)
+
+    def isolated(self, view: View, trusted: bool, whole: bool) -> set[int]:
+        """The channels that a test isolates; then the frame is learned, or not."""
+        n = len(view.use)
+        if not self.s.slow_means or n < 2 or not whole:
+            return set()
+        if not self.begun:
+            self.begun = True
+            self.rules.add("test: learned again after a reset")
+        y = {c: x - self.bias[c] for c, x in view.use.items()}
+        m = median(y.values())
+        if not self.k:
+            self.usual.value = self.last = m
+        if n != self.level:
+            self.begin(n)
+        if self.k >= self.bound_k:
+            self.known = float(min(max(self.k, 1), 2000))
+            self.bound_k = int(1.1 * self.known) + 1 if self.known < 2000 else 10**9
+        sigma = sqrt(max(self.noise.value, self.shaken, self.s.slow_noise**2))
+        a = self.allowance(m, sigma, n)
+        shares = self.shares({c: x - m for c, x in y.items()}, a, sigma) if self.k else dict.fromkeys(y, 0.0)
+        rho = None if view.reference is None else self.s.change(view.reference - self.reference_bias, m)
+        half_share, way, alike = self.halves(y, rho, a) if self.k and n != 3 else (0.0, 0, False)
+        found = self.half(way, half_share if alike else 0.0, rho, trusted, set(y))
+        stopped = (alike and half_share * self.s.slow_halves > 0.5) or ":" in view.pattern or n < 3
+        if not found and not stopped:
+            found = self.one(shares)
+        if not found and view.pattern == "normal" and max(*shares.values(), half_share) < 0.5:
+            self.learn(y, m, rho, sigma, a)
+        return found
+
+    def allowance(self, m: float, sigma: float, n: int) -> float:
+        """What motion alone may do to a residual."""
+        change, self.last = self.s.change(m, self.last), m
+        self.v = max(abs(self.change.move(change, 16)), 0.99 * self.v)
+        if n > 2:
+            self.v = max(self.v, abs(change) - 3.0 * sigma)
+        return 2.0 * self.s.slow_scale * abs(self.s.change(m, self.usual.value)) + self.s.slow_skew * self.v
+
+    def shares(self, residuals: dict[int, float], a: float, sigma: float) -> dict[int, float]:
+        """The largest of the three, each as a share of its limit; the noise follows."""
+        shares: dict[int, float] = {}
+        square_limit = self.squares_limit
+        most = sigma**2 * (1.0 + square_limit / (1.0 - exp(-14.0 / 128.0)))
+        for c, whole in residuals.items():
+            self.whole[c].move(min(whole**2, most), min(self.k, 128))
+            r = less(whole, a)
+            of: list[float] = []
+            for mean, frames in ((self.fast[c], 16.0), (self.slow[c], 100.0)):
+                limit = self.limit(frames, self.s.slow_means)
+                of.append(abs(mean.move(cut(r / sigma, limit / (1.0 - exp(-14.0 / frames))), frames)) / limit)
+            square = self.squares[c].move(min(r * r, most), min(self.k, 128))
+            of = of if self.k >= 200 else [0.0]
+            shares[c] = max([*of, *([(square / sigma**2 - 1.0) / square_limit] if self.k >= 500 else [])])
+        ranked = sorted(self.whole[c].value for c in residuals)
+        self.shaken = ranked[1] if len(ranked) > 2 else ranked[0]
+        self.noise.move(self.shaken, min(self.k, 1000))
+        return shares
+
+    def one(self, shares: dict[int, float]) -> set[int]:
+        """The channel with the largest share, if it is alone."""
+        worst = max(shares, key=lambda c: shares[c])
+        calm = sum(share < 0.5 * shares[worst] for share in shares.values())
+        alone = calm > len(shares) / 2 or (len(shares) == 4 and calm == 2)
+        if shares[worst] > 1.0:
+            self.rules.add("test: one" if alone else "test: not alone")
+        return {worst} if shares[worst] > 1.0 and alone else set()
+
+    @property
+    def error(self) -> float:
+        """The healthy error of the reference."""
+        return self.s.slow_reference + self.s.slow_reference_frames * self.v
+
+    def halves(self, y: dict[int, float], rho: float | None, a: float) -> tuple[float, int, bool]:
+        """Share of the way with the largest mean square, that way, and whether it is suspected."""
+        four = len(y) == 4
+        ways = WAYS if four else [({min(y)}, {max(y)})]
+        healthy = max(self.halves_noise.value, self.halves_shaken, self.s.slow_noise**2) * (1.0 if four else 2.0)
+        sigma, limit = sqrt(healthy), self.limit(100.0, 1.0)
+        step = self.s.slow_means * limit / (1.0 - exp(-14.0 / 100.0)) * sigma
+        most = max(step, 2.8 * self.error)
+        for i, (first, second) in enumerate(ways):
+            d = sum(y[c] for c in first) / len(first) - sum(y[c] for c in second) / len(second)
+            d = cut(d, most)
+            self.d_whole[i].move(d * d, min(self.k, 100))
+            d = less(d, a * (1.5 if four else 2.0))
+            self.d[i].move(cut(d, step), 100)
+            self.d_squares[i].move(d * d, min(self.k, 100))
+            if rho is not None:
+                self.d_rho[i].move(cut(rho, most) * d, 100)
+        squares = [self.d_squares[i].value for i in range(len(ways))]
+        if four:
+            self.halves_shaken = min(self.d_whole[i].value for i in range(3))
+            self.halves_noise.move(self.halves_shaken, min(self.k, 1000))
+        if self.k < 200:
+            return 0.0, 0, False
+        way = max(range(len(ways)), key=lambda i: squares[i])
+        alike = not four or sorted(squares)[1] < 0.35 * squares[way]
+        by_square = (squares[way] / healthy - 1.0) / (1.2 * self.squares_limit / self.s.slow_squares)
+        return max(abs(self.d[way].value) / (limit * sigma), by_square) / self.s.slow_halves, way, alike
+
+    def half(self, way: int, share: float, rho: float | None, trusted: bool, use: set[int]) -> set[int]:
+        """The half that the slope decides against, in the tenth frame in a row."""
+        said = 0
+        if share > 1.0 and trusted and rho is not None and self.s.slow_reference and self.reference_k > 300:
+            slope = self.d_rho[way].value / self.d_squares[way].value
+            d, e, steep = sqrt(self.d_squares[way].value), self.error, abs(slope)
+            if steep > 0.1 and d * (steep + 0.5) >= e and d * (steep - 0.5) <= e:
+                said = 1 if slope > 0.0 else -1
+            self.rules.add("test: a slope" if said else "test: no slope")
+        self.run = self.run + said if said * self.run > 0 else said
+        if abs(self.run) < 10:
+            return set()
+        self.rules.add(f"test: a half of {len(use)}")
+        first = {min(use)} if len(use) == 2 else WAYS[way][0]
+        return first if said < 0 else use - first
+
+    def learn(self, y: dict[int, float], m: float, rho: float | None, sigma: float, a: float) -> None:
+        """Move what is learned."""
+        most = self.limit(16.0, self.s.slow_means) / (1.0 - exp(-14.0 / 16.0)) * sigma + a if self.k else inf
+        share = 1.0 / min(self.k + 1, 1000)
+        self.usual.value += share * self.s.change(m, self.usual.value)
+        bound = self.s.slow_bias + 1.6 * self.s.slow_scale * abs(self.usual.value)
+        for c, x in y.items():
+            self.bias[c] = cut(self.bias[c] + share * cut(x - m, most), bound)
+        self.k += 1
+        if rho is not None:
+            moved = self.reference_bias + rho / min(self.reference_k + 1, 1000)
+            self.reference_bias = cut(moved, self.s.reference_threshold)
+            self.reference_k += 1

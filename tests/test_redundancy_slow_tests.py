@@ -1,0 +1,245 @@
+"""Slow-fault tests: what their limits follow from, whom they isolate, and what they leave alone."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import FEWER, Voted, vote_samples
+from pydantic import ValidationError
+
+from rig.computer.redundancy.manager_config import SignalConfig
+from rig.core.errors import BadInput
+from rig.core.frame import DecidedBy, State
+from rig.log.recordings.vote_config import RecordedSignal
+from rig.scenario.scenario import load
+
+SIGMA, THRESHOLD = 0.01, 1.0
+SEEDS = range(max(2, round(12 / FEWER)))
+TESTS: dict[str, Any] = {"noise_std": SIGMA, "bias_tolerance": 0.1, "reference_error": 0.03}
+
+
+def noise(seed: int, frames: int, std: float = SIGMA) -> Any:
+    return np.random.default_rng(seed).normal(0.0, std, (frames, 4))
+
+
+def vote(samples: Any, reference: Any = None, **more: Any) -> Voted:
+    settings = {"threshold": THRESHOLD, "slow_tests": {**TESTS, **more.pop("tests", {})}, **more}
+    return vote_samples(np.asarray(samples, float), reference=reference, **settings)
+
+
+def truth(seed: int, frames: int, error: float = 0.0) -> Any:
+    """A reference that is right but for noise and a constant error."""
+    return np.random.default_rng(1000 + seed).normal(error, 0.3 * SIGMA, frames)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_white_noise_with_biases_isolates_no_channel(seed: int):
+    samples = noise(seed, 6000) + np.array([0.1, -0.1, 0.05, 0.0])
+    assert vote(samples, truth(seed, 6000, 0.4)).failed_at() == [None] * 4
+
+
+def test_the_limits_leave_six_standard_deviations_of_a_mean():
+    """The slow mean of white noise has the variance 1 / 200, the bias of 1000 frames 1 / 1000.  An offset of twice the
+    limit is past it for all noise, one of half of it is not."""
+    limit = 6.0 * sqrt(1 / 200 + 1 / 1000) * SIGMA
+    for seed in SEEDS:
+        samples = noise(seed, 3000)
+        samples[1500:, 1] += 2.0 * limit
+        failed = vote(samples).failed_at()
+        # It needs ln 2 of its 100 frames to be half way, and the fast mean is about as soon.
+        assert [failed[c] for c in (0, 2, 3)] == [None] * 3 and 1500 < (failed[1] or 0) < 1500 + 130
+        samples = noise(seed, 3000)
+        samples[1500:1900, 1] += 0.5 * limit
+        assert vote(samples).failed_at() == [None] * 4
+
+
+def test_an_offset_of_two_noises_is_found_with_its_rule():
+    samples = noise(1, 2000)
+    samples[1200:, 2] += 2.0 * SIGMA
+    out = vote(samples)
+    k = (out.failed_at()[2] or 0) - 1
+    assert 1200 < k < 1300 and out.decided_by[k] == DecidedBy.SLOW and (out.state[:k] < State.FAILED).all()
+    assert vote_samples(samples, threshold=THRESHOLD).failed_at() == [None] * 4
+
+
+def test_a_factor_multiplies_what_is_found():
+    samples = noise(2, 4000)
+    samples[1500:, 2] += 5.0 * SIGMA
+    first, later = (vote(samples, tests={"factor": factor}).failed_at()[2] for factor in (1.0, 3.0))
+    assert 1500 < (first or 0) < (later or 0)
+    assert vote(samples, tests={"factor": 40.0}).failed_at() == [None] * 4
+
+
+@pytest.mark.parametrize("kind", ["noise", "oscillation", "stuck"])
+def test_what_has_no_mean_is_found_by_its_square(kind: str):
+    samples, k = noise(3, 4000), np.arange(2000)
+    if kind == "noise":
+        samples[2000:, 0] += noise(4, 2000, 2.0 * SIGMA)[:, 0]
+    elif kind == "oscillation":
+        samples[2000:, 0] += 3.0 * SIGMA * np.sin(k * 2 * pi / 12.5)  # 8 Hz
+    else:
+        samples += 0.5 * np.sin(np.arange(4000) / 60.0)[:, None]
+        samples[2000:, 0] = samples[2000, 0]
+    failed = vote(samples).failed_at()
+    assert 2000 < (failed[0] or 0) < 2100 and failed[1:] == [None] * 3
+
+
+@pytest.mark.parametrize("filter_s", [0.0, 0.1])
+@pytest.mark.parametrize("frames", [1, 3, 7])
+@pytest.mark.parametrize("size", [10.0, 100.0, -10.0])
+def test_a_burst_isolates_no_channel_however_large(frames: int, size: float, filter_s: float):
+    for at in (20, 260, 700, 1500):
+        samples = noise(at, at + 600)
+        samples[at : at + frames, 1] += size * THRESHOLD
+        assert vote(samples, truth(at, len(samples)), filter_s=filter_s).failed_at() == [None] * 4
+
+
+def test_vibration_that_all_channels_have_isolates_none():
+    samples = noise(5, 6000)
+    samples[3000:] += noise(6, 3000, 5.0 * SIGMA)  # each its own, of one size
+    assert vote(samples).failed_at() == [None] * 4
+    samples[4000:, 3] += 4.0 * noise(7, 2000, 5.0 * SIGMA)[:, 0]  # one has more of it
+    assert vote(samples).failed_at()[:3] == [None] * 3 and vote(samples).failed_at()[3] is not None
+
+
+def test_a_bias_is_learned_no_further_than_its_bound():
+    """1.7 tolerances are 0.17: a difference of 0.15 is learned in ten seconds, one of 0.3 is found."""
+    for size, found in ((0.15, False), (0.3, True)):
+        samples = noise(8, 3000)
+        samples[:, 0] += size
+        assert (vote(samples).failed_at()[0] is not None) == found, size
+
+
+def test_a_drift_of_the_noise_in_a_second_is_found_before_it_is_learned():
+    samples = noise(9, 4000)
+    samples[1500:, 3] += np.arange(2500) * SIGMA / 100.0
+    failed = vote(samples).failed_at()
+    assert failed[:3] == [None] * 3 and 1500 < (failed[3] or 0) < 2100
+
+
+def test_no_channel_is_isolated_before_biases_and_noise_are_known():
+    samples = noise(10, 150)
+    samples[:, 0] += 0.16
+    samples[80:, 1] += 0.5
+    assert vote(samples).failed_at() == [None] * 4
+
+
+def test_scales_that_differ_are_no_fault_in_a_manoeuvre():
+    scales, move = 1.0 + np.array([0.01, -0.01, 0.005, 0.0]), 40.0 * np.sin(np.arange(6000) / 300.0)
+    samples = noise(11, 6000) + move[:, None] * scales
+    tests = {"scale_tolerance": 0.01}
+    assert vote(samples, tests=tests).failed_at() == [None] * 4
+    assert vote(samples).failed_at() != [None] * 4  # without the allowance
+
+
+PAIR = [[1, 2], [0, 3]]
+
+
+@pytest.mark.parametrize("pair", PAIR)
+@pytest.mark.parametrize("error", [0.0, 0.5, -0.5])
+def test_two_alike_are_isolated_by_the_slope_whatever_the_constant_error_of_the_reference(
+    pair: list[int], error: float
+):
+    for seed in SEEDS:
+        samples = noise(seed, 3000)
+        samples[1500:, pair] += 0.12
+        failed = vote(samples, truth(seed, 3000, error)).failed_at()
+        assert all(1500 < (failed[c] or 0) < 1800 for c in pair), (seed, failed)
+        assert [failed[c] for c in range(4) if c not in pair] == [None, None], (seed, failed)
+
+
+@pytest.mark.parametrize("pair", PAIR)
+def test_two_alike_are_left_without_a_reference_and_below_its_error(pair: list[int]):
+    samples = noise(12, 3000)
+    samples[1500:, pair] += 0.12
+    assert vote(samples).failed_at() == [None] * 4
+    assert vote(samples, truth(12, 3000), tests={"reference_error": 0.3}).failed_at() == [None] * 4
+    assert vote(samples, truth(12, 3000), tests={"reference_error": 0.0}).failed_at() == [None] * 4
+
+
+@pytest.mark.parametrize("wrong", [0, 2])
+@pytest.mark.parametrize("kind", ["offset", "oscillation", "drift"])
+def test_one_of_two_left_is_isolated_by_the_slope(wrong: int, kind: str):
+    samples, k = noise(13, 5000), np.arange(2500)
+    samples[500:, [1, 3]] += 9.0  # two that the comparison isolates
+    size = {"offset": 0.15, "oscillation": 0.25 * np.sin(k / 8.0), "drift": 0.0003 * k}[kind]
+    samples[2500:, wrong] += size
+    failed = vote(samples, truth(13, 5000, 0.2)).failed_at()
+    assert 2500 < (failed[wrong] or 0) < 3600 and failed[2 - wrong] is None
+    assert vote(samples).failed_at()[wrong] is None and vote(samples).failed_at()[2 - wrong] is None
+
+
+def test_a_reference_that_jumps_while_two_are_left_isolates_none():
+    samples = noise(14, 4000)
+    samples[500:, [1, 3]] += 9.0
+    for jump in (0.05, 0.2, 0.6):
+        reference = truth(14, 4000)
+        reference[2500:] += jump
+        assert [vote(samples, reference).failed_at()[c] for c in (0, 2)] == [None, None]
+
+
+def test_a_channel_that_is_readmitted_is_learned_again():
+    samples = noise(15, 4000) + np.array([0.0, 0.0, 0.1, 0.0])
+    samples[1000:1100, 2] += 5.0
+    out = vote(samples, resets=[(1500, 3)])
+    assert out.state[1499, 2] == State.FAILED and (out.state[1500:, 2] < State.FAILED).all()
+
+
+def test_a_missing_sample_stops_the_tests_for_its_frame_alone():
+    samples = noise(16, 2000)
+    samples[1200:, 2] += 3.0 * SIGMA
+    samples[::7, 1] = np.nan
+    assert 1200 < (vote(samples).failed_at()[2] or 0) < 1320
+
+
+def test_values_near_the_largest_number_stop_nothing_else():
+    samples = np.tile([1e308, -1e308, 1e308, -1e308], (300, 1))
+    out = vote(samples, limits=(-1.7e308, 1.7e308))
+    assert np.isfinite(out.voted).all()
+
+
+@pytest.mark.parametrize(
+    ("tests", "says"),
+    [
+        ({"factor": 0.9}, "slow_tests.factor.*greater than or equal to 1"),
+        ({"squares_factor": 0.5}, "slow_tests.squares_factor.*greater than or equal to 1"),
+        ({"noise_std": 0.0}, "slow_tests.noise_std.*greater than 0"),
+        ({"noise": 1.0}, "slow_tests.noise.*unknown key|slow_tests.noise"),
+    ],
+)
+def test_settings_out_of_range_are_refused(tests: dict[str, Any], says: str):
+    with pytest.raises(ValidationError) as refused:
+        SignalConfig.model_validate({"threshold": 1.0, "slow_tests": tests})
+    assert any(".".join(map(str, error["loc"])).startswith("slow_tests.") for error in refused.value.errors()), says
+
+
+@pytest.mark.parametrize(
+    ("tests", "says"),
+    [
+        ({}, "slow_tests: needs noise_std, the noise of a sample, above 0: the sensor states none"),
+        ({"noise_std": 1.0, "bias_tolerance": 1.0}, "biases are learned up to 1.7 bias_tolerance, 1.7; this must be"),
+    ],
+)
+def test_a_recorded_signal_states_its_own_noise_and_a_bias_below_its_threshold(tests: dict[str, Any], says: str):
+    with pytest.raises(ValidationError, match=says):
+        RecordedSignal.model_validate({"threshold": 1.5, "slow_tests": tests})
+
+
+def test_amounts_are_scaled_with_the_unit_of_the_recording():
+    tests = {"noise_std": 1.0, "bias_tolerance": 2.0, "scale_tolerance": 0.01, "factor": 1.5, "reference_error": 3.0}
+    scaled = RecordedSignal.model_validate({"threshold": 9.0, "slow_tests": tests}).scaled(0.5).slow_tests
+    assert scaled is not None
+    assert (scaled.noise_std, scaled.bias_tolerance, scaled.reference_error) == (0.5, 1.0, 1.5)
+    assert (scaled.scale_tolerance, scaled.factor) == (0.01, 1.5)
+
+
+def test_a_scenario_takes_the_figures_of_its_sensors_and_refuses_a_sensor_without_noise():
+    table: dict[str, Any] = {"redundancy": {"signals": {"pitch_rate": {"slow_tests": {"factor": 1.3}}}}}
+    tested = load({**table, "duration_s": 1.0}).redundancy.signals.pitch_rate.slow_tests
+    assert tested is not None and tested.factor == 1.3 and tested.noise_std is None
+    silent = {"sensors": {"pitch_rate": {"noise_std": 0.0}}}
+    with pytest.raises(BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests: needs noise_std"):
+        load({**table, **silent, "duration_s": 1.0})
