@@ -7,7 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnosis_tables import AXES, UNITS, changed, clipped, diagnosed, freeze, group_of, late, recorded, scaled, some
+from diagnosis_tables import (
+    AXES,
+    UNITS,
+    changed,
+    clipped,
+    diagnosed,
+    freeze,
+    group_of,
+    late,
+    recorded,
+    scaled,
+    since,
+    some,
+)
 from diagnosis_tables import step as put_step
 from foreign_logs import PX4_LOGS
 from sensor_flights import Kind, flown
@@ -119,6 +132,46 @@ def test_a_constant_difference_is_told_and_is_no_verdict():
 def test_two_at_the_end_of_their_range_are_no_fault(count: int):
     for seed in (1, 2, 3):
         assert verdicts(diagnosed(clipped(flight(count=count, seed=seed, burst=6.0), (0, 1), 2.0))) == {"none"}
+
+
+@pytest.mark.parametrize(("seed", "rate_hz", "limit"), [(3, 50.0, 1.5), (3, 100.0, 2.0), (4, 100.0, 2.0)])
+def test_two_at_their_ends_in_steady_large_motion_are_no_fault(seed: int, rate_hz: float, limit: float):
+    flight_ = flown(Kind(seed=seed, rate_hz=rate_hz, motion=1.2))
+    flight_.gyro += np.random.default_rng(seed).normal(0.0, 0.3, flight_.gyro.shape)
+    assert verdicts(diagnosed(clipped(group_of(flight_, "gyro"), (0, 1), limit))) == {"none"}
+
+
+def test_two_that_reach_the_end_of_one_range_one_after_the_other_are_no_fault():
+    def knock(by: float) -> Any:
+        return lambda t, v: v + 4.0 * (np.abs(since(t) - by) < 0.05) * np.array([[1.0], [0.0], [0.0]])
+
+    made = flight(rate_hz=50.0, motion=0.3, burst=0.3)
+    for c in (0, 1):
+        made = changed(made, c, knock(float(c)))
+    for by in (5.0, 5.1, 5.2):  # the knock that one has alone
+        made = changed(made, 0, knock(by))
+    assert verdicts(diagnosed(clipped(made, (0, 1), 2.0))) == {"none"}
+
+
+def test_a_hum_with_another_phase_in_each_axis_is_no_mounting_and_no_delay():
+    for seed in (1, 3, 4, 5):
+        for count, rate_hz in ((3, 10.0), (2, 5.0)):
+            found = diagnosed(
+                flight("gyro", count, seed, rate_hz, motion=0.0005, burst=0.0, vibration=1.0, noise=0.003)
+            )
+            assert not [one for one in found.conventions if one.kind != "offset"]
+
+
+def test_vibration_that_a_slow_log_shows_as_a_swing_is_no_fault():
+    t = np.arange(0.0, 90.0, 0.2)
+    begun = np.where(t > 60.0, 1.0, 0.0)
+    for seed in range(4):
+        made = flight("accel", 4, seed, 5.0, motion=0.0005, burst=0.0, vibration=0.0, seconds=90.0)
+        phase = np.random.default_rng(seed).uniform(0.0, 6.28, 4)
+        for c in range(4):
+            wave = 1.5 * begun * np.sin(2 * np.pi * 0.29 * t + phase[c])
+            made = changed(made, c, lambda at, v, w=wave: v + np.interp(at - at[0], t, w))
+        assert "channel" not in verdicts(diagnosed(made))
 
 
 def test_one_alone_at_the_end_of_its_range_is_told():

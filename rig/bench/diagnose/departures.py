@@ -25,6 +25,10 @@ _LEAST_ROWS: Final = 3
 _VOTED_HZ: Final = 100.0
 _VIBRATES: Final = 1.2  # times the vibration, which an accelerometer must part by
 _RISES: Final = 2.0  # times its calm level
+_FEW_ROWS: Final = 5  # of half a second: with fewer a mean is no mean of vibration
+_SWING_S: Final = 4.0
+_SWING_ROWS: Final = 16
+_SWINGS: Final = 1.7  # times the deviation from the mean of a window
 _JUMPS: Final = 2.0  # times its usual largest step, and the other's jump
 _STAYS_S: Final = 5.0
 _SHARE: Final = 0.3  # of a jump that may be missing from the difference, or be in the other
@@ -112,7 +116,7 @@ def _of_several(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
         c = failure.channel - 1
         channel = axis.group.instances[c].channel
         off = axis.means[c] - np.median(np.delete(axis.means, c, axis=0), axis=0)
-        if _vibrates(axis, k, float(off[k]), found):
+        if _vibrates(axis, k, float(off[k]), found) or _swings(axis, k, off, found):
             continue
         time = _onset(off, axis, k)
         text = f"departs from the others by {axis.group.shown(float(off[k]))}"
@@ -156,7 +160,7 @@ def _onset(off: Floats, axis: _Axis, k: int) -> float:
 
 def _vibrates(axis: _Axis, k: int, size: float, found: Findings) -> bool:
     """Return True if an accelerometer parts while its vibration rises, which shifts its mean."""
-    if axis.group.kind != "accel" or axis.rows < 5:
+    if axis.group.kind != "accel" or axis.rows < _FEW_ROWS:
         return False
     level = np.sqrt(np.maximum(smoothed((axis.x - axis.means) ** 2, 8 * axis.rows), 0.0)).max(axis=0)
     if abs(size) > _VIBRATES * level[k] or level[k] < _RISES * np.quantile(level, 0.25):
@@ -169,6 +173,25 @@ def _vibrates(axis: _Axis, k: int, size: float, found: Findings) -> bool:
     return True
 
 
+def _swings(axis: _Axis, k: int, off: Floats, found: Findings) -> bool:
+    """Return True if ``off`` (n,) swings to both sides at row k of a slow log, more than before: vibration is aliased.
+
+    A step has at most half of its size as deviation from the mean of a window, a sine 0.7.
+    """
+    if axis.rows >= _FEW_ROWS:
+        return False
+    window = max(_SWING_ROWS, round(_SWING_S * axis.group.rate_hz))
+    level = np.sqrt(np.maximum(smoothed((off - smoothed(off, window)) ** 2, window), 0.0))
+    if abs(off[k]) > _SWINGS * level[k] or level[k] < _RISES * np.quantile(level, 0.25):
+        return False
+    since = float(axis.group.time_s[k] - axis.group.time_s[0])
+    found.remarks.append(
+        f"{axis.signal}: a difference swings by {axis.group.shown(float(level[k]))} {since:.2f} s after the first row: "
+        "vibration that the log is too slow to show, no sign of a fault"
+    )
+    return True
+
+
 def _of_two(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
     """Return when two part; the one that alone jumps is named."""
     difference = apart[0] - apart[1]
@@ -177,6 +200,8 @@ def _of_two(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
     if len(bad) == 0 or _vibrates(axis, int(bad[0]), float(real[bad[0]]), found):
         return None
     k = int(bad[0])
+    if _swings(axis, k, real, found):
+        return None
     time = _onset(real, axis, k)
     named = _alone_jumps(axis, difference, int(np.searchsorted(axis.group.time_s, time)))
     if time <= float(axis.group.time_s[0]):

@@ -10,10 +10,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.bench.diagnose.findings import Convention, Findings
 from rig.bench.diagnose.sensor_groups import Group
-from rig.bench.diagnose.smoothing import changes, smoothed, spread
+from rig.bench.diagnose.smoothing import changes, smoothed, spread, without_hum
 from rig.log.recordings.delays import delays
 from rig.log.recordings.stamps import Floats
 
@@ -25,6 +26,9 @@ _SLOW_S: Final = 0.5
 _ALIKE: Final = 0.7  # correlation without the delay
 _TOLD: Final = 0.6  # of a row
 _TOLD_S: Final = 2e-3
+_NEAR_ROWS: Final = 1.0  # of a delay without the strongest frequencies, or
+_NEAR: Final = 0.3  # of it
+_ALIKE_LEFT: Final = 0.4  # correlation then
 _BETTER: Final = 0.85  # of the difference that is left without the delay
 
 
@@ -45,13 +49,14 @@ def take_off_delays(group: Group, x: Floats, found: Findings) -> bool:
     late, tied, alike = delays(list(made[axis]))
     means = smoothed(smoothed(used, slow), slow)
     reference = int(np.argmin(np.where(tied, np.abs(late), np.inf)))
+    steady = _without_hum_too(made[axis], late)
     at = np.arange(n, dtype=np.float64)
     accepted = (tied & (alike > _ALIKE)).tolist()
     for c, instance in enumerate(group.instances):
         seconds = float(late[c]) / used_hz
         if not accepted[c] or abs(late[c]) < _TOLD or abs(seconds) < _TOLD_S:
             continue
-        if not _agrees_better(means, c, reference, float(late[c]), lag):
+        if not steady[c] or not _agrees_better(means, c, reference, float(late[c]), lag):
             accepted[c] = False
             continue
         x[:, c] = [np.interp(at + late[c] * step, at, column) for column in x[:, c]]
@@ -59,6 +64,15 @@ def take_off_delays(group: Group, x: Floats, found: Findings) -> bool:
         text = f"{abs(seconds) * 1e3:.0f} ms {'behind' if seconds > 0 else 'ahead of'} {against}"
         found.conventions.append(Convention(group.name, instance, "delay", round(seconds, 4), text))
     return all(accepted)
+
+
+def _without_hum_too(made: Floats, late: Floats) -> NDArray[np.bool_]:
+    """Return (C,) True if what changes (C, n) has the same delay without its strongest frequencies: no hum."""
+    if (np.abs(late) < _TOLD).all():
+        return np.ones(len(late), np.bool_)
+    again, tied, alike = delays(list(without_hum(made)))
+    near = np.abs(again - late - np.median(again - late)) < np.maximum(_NEAR_ROWS, _NEAR * np.abs(late))
+    return near & tied & (alike > _ALIKE_LEFT)
 
 
 def _agrees_better(means: Floats, c: int, reference: int, late: float, lag: int) -> bool:

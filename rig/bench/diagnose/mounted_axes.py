@@ -14,7 +14,7 @@ import numpy as np
 
 from rig.bench.diagnose.findings import Convention, Findings
 from rig.bench.diagnose.sensor_groups import AXES, Group
-from rig.bench.diagnose.smoothing import changes, smoothed
+from rig.bench.diagnose.smoothing import changes, smoothed, without_hum
 from rig.log.recordings.stamps import Floats
 
 TAKEN_OFF_DEG: Final = 20.0  # from here on: smaller ones are no better known than the motion
@@ -25,6 +25,7 @@ _BETTER: Final = 0.6  # sum of three correlations, of other axes less that of th
 _BETTER_IN_HALVES: Final = 0.2  # the same in each half of the log
 _LEFT: Final = 0.3  # of the difference, with other axes; twice that in each half
 _SHARED: Final = 0.5  # correlation of the second direction in which both move
+_SAME_TURN: Final = 2.6  # trace of one turn back and the other forth, of 3: within 37 deg
 _DELAY_S: Final = 0.3
 _SAMPLED_HZ: Final = 50.0
 _GRAVITY: Final = 3.0  # m/s^2, of an axis whose sign gravity shows
@@ -53,7 +54,7 @@ def take_off_axes(group: Group, x: Floats, found: Findings) -> float:
     """
     count = x.shape[1]
     motion = _Motion.of(group, x)
-    turns = {pair: _turn(motion, *pair) for pair in combinations(range(count), 2)}
+    turns = {pair: _sure(motion, *pair) for pair in combinations(range(count), 2)}
     large = {p: t is not None and t.degrees > TAKEN_OFF_DEG for p, t in turns.items()}
     odd = _odd(large, count)
     if odd is None:
@@ -131,6 +132,10 @@ class _Motion(NamedTuple):
         values = None if self.values is None else self.values[..., rows]
         return _Motion(self.changed[..., rows], values, self.delay)
 
+    def without_hum(self) -> _Motion:
+        """Return the motion without its two strongest frequencies."""
+        return self._replace(changed=without_hum(self.changed))
+
     def lags(self) -> list[int]:
         """Return the delays that are tried, rows, the smallest first."""
         several = np.linspace(-self.delay, self.delay, 2 * min(self.delay, 8) + 1).round().astype(int)
@@ -140,6 +145,19 @@ class _Motion(NamedTuple):
         """Return the two halves of the log."""
         n = self.changed.shape[-1]
         return self.part(slice(0, n // 2)), self.part(slice(n // 2, n))
+
+
+def _sure(motion: _Motion, i: int, j: int) -> Turn | None:
+    """Return how instance i is turned into instance j; None: the motion does not show it.
+
+    A large turn must be there without the strongest frequencies, too.  A hum is coherent between instances, but has
+    another phase in each of their axes, and looks like other axes.
+    """
+    turn = _turn(motion, i, j)
+    if turn is None or turn.degrees <= TAKEN_OFF_DEG:
+        return turn
+    rest = _turn(motion.without_hum(), i, j)
+    return turn if rest is not None and float((rest.matrix * turn.matrix).sum()) > _SAME_TURN else None
 
 
 def _turn(motion: _Motion, i: int, j: int) -> Turn | None:

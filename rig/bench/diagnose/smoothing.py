@@ -13,6 +13,7 @@ from rig.log.recordings.stamps import Floats
 Flags = NDArray[np.bool_]
 _SPREAD: float = 1.4826  # of the median deviation of a normal distribution, to its standard deviation
 _CLIP: float = 4.0  # spreads: a step in one channel is no motion
+_HUM: int = 4  # frequencies of the transform on each side of a strong one, which the window mixes
 
 
 def smoothed(x: Floats, rows: int) -> Floats:
@@ -30,6 +31,19 @@ def changes(x: Floats, lag: int) -> Floats:
     made = x[..., lag:] - x[..., :-lag]
     limit = _CLIP * _SPREAD * np.median(np.abs(made), axis=-1, keepdims=True) + 1e-12
     return np.clip(made, -limit, limit)
+
+
+def without_hum(x: Floats) -> Floats:
+    """Return x (..., C, n), weighted by a Hann window, without the two strongest frequencies of all channels together.
+
+    The window keeps a strong frequency from leaking into others.
+    """
+    spectrum = np.fft.rfft(x * np.hanning(x.shape[-1]), axis=-1)
+    for _ in range(2):
+        power = (np.abs(spectrum.reshape(-1, *spectrum.shape[-2:])) ** 2).sum(axis=0)
+        k = int(np.argmax((power / (power.sum(axis=-1, keepdims=True) + 1e-30)).sum(axis=0)))
+        spectrum[..., max(k - _HUM, 0) : k + _HUM + 1] = 0.0
+    return np.fft.irfft(spectrum, x.shape[-1], axis=-1)
 
 
 def runs(flags: Flags) -> Iterator[tuple[int, int]]:
