@@ -94,7 +94,7 @@ def test_names_are_completed():
     assert complete.aircraft("b7") == ["b707", "b737", "b747"]
     assert complete.kinds("hard") == ["hardover"] and complete.campaigns("smo") == ["smoke"]
     assert "overview" in complete.tabs("over")
-    assert complete.sets("redundancy.manager=m") == ["redundancy.manager=mean", "redundancy.manager=median"]
+    assert complete.sets("redundancy.manager=me") == ["redundancy.manager=mean", "redundancy.manager=median"]
     assert complete.sets("aircraft=f") == ["aircraft=f16"] and "duration_s=" in complete.sets("d")
 
 

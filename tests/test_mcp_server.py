@@ -92,6 +92,7 @@ async def every_tool(client: Any) -> dict[str, Any]:
     await call("explain", log=log)
     await call("score", log=log)
     await call("vote", recording=log)
+    await call("diagnose", recording=log)
     await call("check", suite="suite.toml")
     await call("search", campaign="space.toml", requirement=["vote"], flights=10, out="found", method="random")
     await call("campaign_status", folder="found")
@@ -120,6 +121,7 @@ def test_each_tool_answers_as_its_command(tmp_path: Path, rig_command: Command):
     assert told["score"] == command("score", log)
     voted = command("vote", log, "--out", "votes.csv")
     assert alike(told["vote"], voted, "out", "seconds")
+    assert alike(told["diagnose"], command("diagnose", log), "seconds")
     assert (tmp_path / "agent" / "votes.csv").read_bytes() == (tmp_path / "votes.csv").read_bytes()
     assert told["check"]["tests"] == command("check", tmp_path / "given" / "suite.toml")["tests"]
     assert "violated" in {test["result"] for test in told["check"]["tests"]}  # exit code 1, and an answer
