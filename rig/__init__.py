@@ -27,7 +27,17 @@ _HOME = {
     **dict.fromkeys(("report", "write_report"), "rig.show.pages.flight_page"),
 }
 __all__ = [
-    *("Flight", "Log", "Scenario", "diagnose", "fault", "fly", "load", "read_log", "report", "score", "vote"),
+    "Flight",
+    "Log",
+    "Scenario",
+    "diagnose",
+    "fault",
+    "fly",
+    "load",
+    "read_log",
+    "report",
+    "score",
+    "vote",
     "write_report",
 ]
 
