@@ -14,9 +14,7 @@ from matplotlib.figure import Figure
 import rig
 from rig.bench.shown_votes import shown_votes
 from rig.core.errors import BadInput
-from rig.show.pages.lines import MOST_POINTS, squeezed
-from rig.show.pages.vote_figure import of_vote
-from rig.show.votes.shown_signal import Mark
+from rig.show.pages.lines import MOST_POINTS
 
 EPOCH_S = 1_700_000_000.0  # times of the calendar
 RATE_HZ = 100.0
@@ -120,19 +118,6 @@ def test_a_discrete_has_no_differences(tmp_path: Path) -> None:
 def test_an_unknown_signal_is_one_line_with_the_known_ones(stepped: rig.Votes) -> None:
     with pytest.raises(BadInput, match=r"^unknown signal 'rates', allowed: rate$"):
         stepped.plot("rates")
-
-
-def test_the_page_draws_the_same_numbers_as_the_notebook(stepped: rig.Votes) -> None:
-    (shown,) = shown_votes(stepped.recording, stepped.voted)
-    figure: Any = of_vote(shown)
-    drawn = [(trace.name, trace.yaxis, np.asarray(trace.y)) for trace in figure.data]
-    assert [name for name, axis, _ in drawn if axis != "y2"] == ["voted value", "channel 1", "channel 2", "channel 3"]
-    below = {name: y for name, axis, y in drawn if axis == "y2"}
-    assert below["channel 3"][[0, -1]] == pytest.approx(squeezed(np.array([0.2, 5.2])), abs=1e-6)
-    assert figure.layout.shapes[0].x0 == pytest.approx(ISOLATED_S, abs=1e-6)
-    assert "channel 3 isolated at 1.07 s" in figure.layout.meta["alternative"]
-    named: Any = of_vote(shown, [Mark(2, 0.5)], ["sensor_gyro/0", "sensor_gyro/1", "<b>"])
-    assert named.data[3].name == "&lt;b&gt;" and "sensor_gyro/1 isolated at 0.50 s" in named.layout.annotations[0].text
 
 
 def test_a_long_recording_is_drawn_by_the_extremes_of_its_parts(tmp_path: Path) -> None:

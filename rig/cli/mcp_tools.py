@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,9 +75,9 @@ def _listed(folders: Sequence[Path]) -> str:
 class _Arguments(Settings):
     keys_are_in: ClassVar[str] = "docs/how-to/let-an-agent-fly.md"
 
+    @abstractmethod
     def _words(self, places: Places) -> Iterator[str]:
         """Yield the command line after ``rig``; BadInput: a path outside the folders."""
-        raise NotImplementedError
 
 
 def _text(about: str, default: Any = ...) -> Any:

@@ -233,9 +233,9 @@ class Descriptions:
             fields_by_message: dict[str, tuple[Field, ...]] = {}
             named = {channel.topic for channel in self._channels.values()} if by_topic else set[str]()
             about.parts = tuple(part for part, topics in PART_TOPICS.items() if topics[0].name in named)
-            for ours in channels(about.parts):
-                name = ALL_TOPICS[ours.id - 1].message
-                fields = self._fields(self._schema(ours), name, newest)
+            for written in channels(about.parts):
+                name = ALL_TOPICS[written.id - 1].message
+                fields = self._fields(self._schema(written), name, newest)
                 fields_by_message.setdefault(name, fields)
             self._layout = layout_of(about.parts) if by_topic else Layout(fields_by_message, rowwise=True)
         return self._layout
@@ -249,16 +249,16 @@ class Descriptions:
             )
         return f"not a log of this rig (no metadata record {RIG!r})"
 
-    def _schema(self, ours: Channel) -> Schema:
-        """Return the schema of one of our channels in this log."""
-        channel = self._channels.get(ours.id)
-        if channel is None or TOPICS.get(channel.topic, channel.topic) != ours.topic:
+    def _schema(self, written: Channel) -> Schema:
+        """Return the schema in this log of a channel that the rig writes."""
+        channel = self._channels.get(written.id)
+        if channel is None or TOPICS.get(channel.topic, channel.topic) != written.topic:
             named = "is missing" if channel is None else f"is {channel.topic}"
-            raise BadLog(f"{self._path}: its signals are not those of this rig: {ours.topic} {named}")
+            raise BadLog(f"{self._path}: its signals are not those of this rig: {written.topic} {named}")
         return self._schemas[channel.schema_id]
 
     def _fields(self, schema: Schema, name: str, newest: bool) -> tuple[Field, ...]:
-        """Return the fields of a message of ours in this log, in the order of their numbers; none of foxglove's.
+        """Return the fields of a message of the rig in this log, in the order of their numbers; none of foxglove's.
 
         Those may be of another release: we write the fields that we know.
         """

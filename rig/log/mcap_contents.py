@@ -180,19 +180,6 @@ def _note(file: LimitedFile, record: Record, contents: Summary) -> None:
         contents.note(record.opcode, contents_of(file, record))
 
 
-def _lookinside(file: LimitedFile, contents: Summary, chunks: list[Record], lenient: bool) -> None:
-    """Take the channels and schemas that chunks declare."""
-    budget = Budget(file)
-    for record in chunks:
-        try:
-            for opcode, begin, end, data in inside(chunk_records(file, record, budget, record is contents.cut)):
-                if opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
-                    contents.note(opcode, data[begin:end])
-        except BROKEN:
-            if not lenient:
-                raise
-
-
 def messages(
     file: LimitedFile, summary: Summary, wanted: Container[int], budget: Budget, damage: list[str] | None = None
 ) -> Iterator[Raw]:

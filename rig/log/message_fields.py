@@ -119,11 +119,9 @@ def _step(value: Any, name: str) -> Any:
     try:
         if isinstance(value, Mapping):
             return value.get(name, _MISSING)
-        if name.isdecimal() and not isinstance(value, (str, bytes)):
-            return value[int(name)]
+        return value[int(name)] if name.isdecimal() and not isinstance(value, (str, bytes)) else _MISSING
     except (LookupError, TypeError, ValueError):
-        pass  # as below: nothing is there
-    return _MISSING
+        return _MISSING
 
 
 def _defaults(root: Any, node: Any, names: Sequence[_Name], hops: int = 0) -> Iterator[Any]:

@@ -110,6 +110,21 @@ def select(bus, fcc, data):
 
 
 @kernel
+def comparable(bus, first, end, params, state):
+    """Return the channels, as bits, with a comparable sample on all signals ``first`` to ``end`` - 1, and how many.
+
+    It fills ``x`` of each signal.
+    """
+    here = (1 << params[first]["fitted"]) - 1
+    for s in range(first, end):
+        here &= speaking(bus, s, params[s], state[s])
+    n = 0
+    for c in range(CHANNELS):
+        n += (here >> c) & 1
+    return here, n
+
+
+@kernel
 def select_unit(bus, fcc, first, end, data):
     """Vote one channel of all axes of a unit, the signals from ``first`` to ``end`` - 1 of a row.
 
@@ -122,12 +137,7 @@ def select_unit(bus, fcc, first, end, data):
     """
     params, state = data.params, data.state
     p, st = params[first], state[first]
-    here = (1 << p["fitted"]) - 1
-    for s in range(first, end):
-        here &= speaking(bus, s, params[s], state[s])
-    n = 0
-    for c in range(CHANNELS):
-        n += (here >> c) & 1
+    here, n = comparable(bus, first, end, params, state)
     for s in range(first, end):
         deviate(here, n, state[s])
     sum_excess(here, n, first, end, p, state)

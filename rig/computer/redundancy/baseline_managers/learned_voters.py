@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.baseline_managers.learned_bias import CALM, learn, take_off
-from rig.computer.redundancy.baselines import choose, compare_each, deviate, finish, ranked, speaking, sum_excess
+from rig.computer.redundancy.baselines import choose, comparable, compare_each, deviate, finish, ranked, sum_excess
 from rig.computer.redundancy.median_vote import median
 from rig.computer.redundancy.persistence import readmit
 from rig.core.frame import CHANNELS
@@ -52,12 +52,7 @@ def select_learned(bus, fcc, first, end, data):
     """Vote one channel of the signals from ``first`` to ``end`` - 1 of a row, as ``baselines.select_unit`` does."""
     params, state = data.params, data.state
     p, st = params[first], state[first]
-    here = (1 << p["fitted"]) - 1
-    for s in range(first, end):
-        here &= speaking(bus, s, params[s], state[s])
-    n = 0
-    for c in range(CHANNELS):
-        n += (here >> c) & 1
+    here, n = comparable(bus, first, end, params, state)
     for s in range(first, end):
         for c in range(CHANNELS):
             state[s]["x"][c] -= state[s]["learned_bias"][c]
