@@ -334,11 +334,11 @@ OTHER_PARAMETERS: Final = {  # other parameters ``name`` read one; files below `
     *_PARAMETERS.split(),
 }
 _KEYS: Final = """
-    accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes cases causes
-    channel class_ constants default discrete distribution errors false_isolations_source faults flight_point formula from_
-    held id inputs key kinds kinds_source law logs lost_margins manager manoeuvre_source name noise_sha256 outputs parameters
-    position properties rotation separator set signal signals source start stick_margins text time time_column time_unit
-    times title to triads unit vary when without worst_in
+    accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes cases
+    causes channel class_ constants default discrete distribution errors false_isolations_source faults flight_point
+    formula from_ held id inputs key kinds kinds_source law logs lost_margins manager manoeuvre_source name
+    noise_sha256 outputs parameters position properties rotation separator set signal signals source start
+    stick_margins text time time_column time_unit times title to triads unit vary when without worst_in
 """
 TOOLS: Final = "rig.cli.mcp_tools"  # whose keys are arguments of the commands
 OTHER_KEYS: Final = set(_KEYS.split())
