@@ -28,6 +28,7 @@ OWN = (
     "C/runs/000000-000003.parquet",
     "C/logs/run_000000.mcap",
     "C/search.json",
+    "C/until.json",
     "C/worst.toml",
 )
 BENCHMARK = ("L/benchmark.json", "L/levels.json", "L/result.json", "L/lock", "L/units/000000-000000.parquet")
