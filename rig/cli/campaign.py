@@ -27,6 +27,7 @@ from rig.cli.common import (
     resumes,
 )
 from rig.cli.fly import show_flight
+from rig.cli.working import working
 from rig.core.outputs import require_apart, require_page
 
 app = Typer(help="Plan, fly, report and compare campaigns of many flights.", **GROUP)
@@ -176,6 +177,28 @@ def report(
     require_page("--out", out)
     summary = write(open_folder(folder), target)
     emit(as_json, {"report": str(target), **summary}, lambda: show.report(summary, target))
+
+
+@app.command()
+def sensitivity(
+    folder: Dir,
+    of: Annotated[str, opt("COLUMN", "Number of a flight, e.g. delay_s, or a requirement: its least robustness.")],
+    out: Annotated[Path | None, opt("FILE", "Page to write, .html.", show_default="DIR/sensitivity.html")] = None,
+    seed: Annotated[int, opt("N", "Seed of the resamples and of the dummy input.", min=0)] = 0,
+    as_json: Json = False,
+) -> None:
+    """Rank what a campaign varied by its effect on a result, beside what noise alone would show."""
+    from rig.studies.campaign.drivers import sensitivity as rank
+    from rig.studies.campaign.folder import open_folder
+    from rig.studies.campaign.sensitivity_page import write
+
+    target = out or folder / "sensitivity.html"
+    require_apart({"--out": target}, [folder])
+    require_page("--out", out)
+    with working(of, enabled=not as_json, compiles=False):
+        found = rank(open_folder(folder), of, seed)
+    write(target, found)
+    emit(as_json, {"report": str(target), **found}, lambda: show.sensitivity(found, target))
 
 
 @app.command()

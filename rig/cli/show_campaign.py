@@ -213,6 +213,19 @@ def report(summary: dict[str, Any], target: Path) -> None:
     field("report", str(target), width=_WIDTH)
 
 
+def sensitivity(found: dict[str, Any], target: Path) -> None:
+    """Print the ranked inputs, the flights and inputs that are left out, and the file of the page."""
+    from rig.studies.campaign.drivers import COLUMNS
+
+    line((f"what drives {found['of']}", "bold"), f"  {found['rows']} of {found['flights']} flights")
+    if found["left_out"]:
+        line(f"left out: {found['left_out']} flights without {found['of']}")
+    if found["left_out_inputs"]:
+        line(f"not used, of one value or too many names: {', '.join(found['left_out_inputs'])}")
+    table(found["inputs"], COLUMNS)
+    field("report", str(target), width=_WIDTH)
+
+
 def _accounted(head: dict[str, Any]) -> str:
     """Return the outcomes of all faults of the table, which add up; detection counts detectable faults only."""
     detectable = head["detection"]["of"]
