@@ -28,6 +28,7 @@ OWN = (
     "C/runs/000000-000003.parquet",
     "C/logs/run_000000.mcap",
     "C/search.json",
+    "C/until.json",
     "C/worst.toml",
 )
 BENCHMARK = ("L/benchmark.json", "L/levels.json", "L/result.json", "L/lock", "L/units/000000-000000.parquet")
@@ -53,6 +54,7 @@ COMMANDS: tuple[tuple[list[str], str, tuple[str, ...]], ...] = (
     (["view", "q.mcap", "b.mcap"], "--save", ("q.mcap", "b.mcap", OWN[0])),
     (["view", "q.mcap", "b.mcap"], "--screenshot", ("q.mcap", "b.mcap", OWN[0])),
     (["campaign", "report", "C"], "--out", OWN),
+    (["campaign", "sensitivity", "C", "--of", "delay_s"], "--out", OWN),
     (["reliability", "run", "C", "T", "--rates", "r.toml"], "--report", ("r.toml", OWN[0], "T/trials.json")),
     (["benchmark", "reliability", "--healthy", "C", "--out", "L"], "--plot", ("C/campaign.json",)),
     (["aircraft", "design", "f16_own"], "--out", ("f16_own/aircraft.toml",)),

@@ -27,6 +27,7 @@ from rig.cli.common import (
     resumes,
 )
 from rig.cli.fly import show_flight
+from rig.cli.working import working
 from rig.core.outputs import require_apart, require_page
 
 app = Typer(help="Plan, fly, report and compare campaigns of many flights.", **GROUP)
@@ -36,6 +37,11 @@ File = Annotated[
 ]
 Dir = Annotated[Path, arg("DIR", "Output folder of a campaign.")]
 Runs = Annotated[int | None, opt("N", "Number of runs, from the first.", show_default="all")]
+UntilWidth = Annotated[
+    str | None, opt("half-width=H", "Stop when the 95 % interval of the proportion of --of is this narrow.", "--until")
+]
+Of = Annotated[str | None, opt("COLUMN", "Yes/no result of a flight, e.g. detected, survived, or a requirement.")]
+By = Annotated[str | None, opt("COLUMN", "A proportion for each value, e.g. signal.", show_default="one of all")]
 
 
 @app.command()
@@ -43,6 +49,10 @@ def plan(
     file: File,
     sets: Sets = None,
     runs: Runs = None,
+    until: UntilWidth = None,
+    proportion: Annotated[
+        float, opt("P", "Proportion that is expected, for the number of flights of --until.", min=0.0, max=1.0)
+    ] = 0.5,
     unit: UnitFile = None,
     allow_code: AllowCodeOrSet = False,
     as_json: Json = False,
@@ -54,14 +64,16 @@ def plan(
     from rig.studies.campaign.estimate import estimate
     from rig.studies.campaign.folder import Folder
     from rig.studies.campaign.plan import read_plan
+    from rig.studies.campaign.until import flights_needed
     from rig.unit.unit_file import read_unit
 
     planned, tested = read_plan(file, sets, allow_code), unit and read_unit(unit)
     planned.check()
+    needed = until and flights_needed(until, proportion, planned, runs)
     expected, folder = estimate(planned, runs, tested), Folder(Path(), planned, tested)
-    own = {"identity": folder.mark, "unit": folder.about.get("unit")}
+    own = {"identity": folder.mark, "unit": folder.about.get("unit"), **({"until": needed} if needed else {})}
     listed = lambda: {**asdict(expected), **own, "list": show.plan_rows(planned, runs)}  # noqa: E731 # read once
-    emit(as_json, listed, lambda: show.plan(planned, expected, folder))
+    emit(as_json, listed, lambda: show.plan(planned, expected, folder, needed or None))
 
 
 @app.command()
@@ -73,6 +85,9 @@ def run(
     ] = None,
     runs: Runs = None,
     scheduler: Scheduler = None,
+    until: UntilWidth = None,
+    of: Of = None,
+    by: By = None,
     logs: Annotated[
         str | None, opt("WHICH", "Logs to keep: all, failures, none or sample:N.", show_default="as in the file")
     ] = None,
@@ -88,10 +103,15 @@ def run(
         get_ready()  # beside what follows, which takes a second to be imported and read
     from rig.studies.campaign.plan import read_plan
     from rig.studies.campaign.run_campaign import run as fly
+    from rig.studies.campaign.until import read_until
     from rig.unit.unit_file import read_unit
 
     planned, tested = read_plan(file, sets, allow_code), unit and read_unit(unit)
-    asked = {"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs, "unit": tested}
+    wanted = read_until(until, of, by, planned, planned.count(runs))
+    asked = {
+        **{"runs": runs, "workers": workers, "scheduler": scheduler, "logs": logs},
+        **{"unit": tested, "until": wanted},
+    }
     with show.progress(enabled=not as_json) as report:
         result = fly(planned, out, report=report, **asked)
     emit(as_json, result.as_dict, lambda: show.result(result))
@@ -102,9 +122,16 @@ def run(
 def status(folder: Dir, as_json: Json = False) -> None:
     """Print how many runs of a campaign are done, which manager votes, and the outcomes."""
     from rig.studies.campaign.folder import not_flown, open_folder
+    from rig.studies.campaign.until import kept
 
     held = open_folder(folder)
-    state = {**held.status(), "by": held.by, "reads": held.unit_reads, **not_flown(held.tables["runs"])}
+    state = {
+        **held.status(),
+        "until": kept(held),
+        "by": held.by,
+        "reads": held.unit_reads,
+        **not_flown(held.tables["runs"]),
+    }
     emit(as_json, state, lambda: show.status(state))
 
 
@@ -150,6 +177,28 @@ def report(
     require_page("--out", out)
     summary = write(open_folder(folder), target)
     emit(as_json, {"report": str(target), **summary}, lambda: show.report(summary, target))
+
+
+@app.command()
+def sensitivity(
+    folder: Dir,
+    of: Annotated[str, opt("COLUMN", "Number of a flight, e.g. delay_s, or a requirement: its least robustness.")],
+    out: Annotated[Path | None, opt("FILE", "Page to write, .html.", show_default="DIR/sensitivity.html")] = None,
+    seed: Annotated[int, opt("N", "Seed of the resamples and of the dummy input.", min=0)] = 0,
+    as_json: Json = False,
+) -> None:
+    """Rank what a campaign varied by its effect on a result, beside what noise alone would show."""
+    from rig.studies.campaign.drivers import sensitivity as rank
+    from rig.studies.campaign.folder import open_folder
+    from rig.studies.campaign.sensitivity_page import write
+
+    target = out or folder / "sensitivity.html"
+    require_apart({"--out": target}, [folder])
+    require_page("--out", out)
+    with working(of, enabled=not as_json, compiles=False):
+        found = rank(open_folder(folder), of, seed)
+    write(target, found)
+    emit(as_json, {"report": str(target), **found}, lambda: show.sensitivity(found, target))
 
 
 @app.command()

@@ -102,8 +102,11 @@ def plan_rows(planned: Plan, runs: int | None = None) -> list[dict[str, Any]]:
     return [{"run": run.number, "seed": run.data["seed"], **run.choice} for run in listed]
 
 
-def plan(planned: Plan, expected: Estimate, folder: Folder) -> None:
-    """Print the first runs of a plan, the estimate, unit and identity; folder : of the plan, on no disk."""
+def plan(planned: Plan, expected: Estimate, folder: Folder, needed: dict[str, Any] | None) -> None:
+    """Print the first runs of a plan, the estimate, unit and identity.
+
+    folder : of the plan, on no disk; needed : the flights of ``--until``
+    """
     from rig.unit.unit_facts import what_it_reads
 
     rows = plan_rows(planned, min(expected.runs, MOST_ROWS))
@@ -115,18 +118,43 @@ def plan(planned: Plan, expected: Estimate, folder: Folder) -> None:
         f"{expected.runs} runs, {expected.flight_s / 3600:.2f} h of flight: about {rough_duration(expected.wall_s)} on "
         f"{expected.workers} workers ({expected.us_per_frame:.0f} us/frame), {file_size(expected.disk_bytes)}, {logs}"
     )
+    if needed is not None:
+        field("until", _needed(needed))
     if folder.unit is not None:
         read = what_it_reads(folder.unit.about())
         field("unit", f"{folder.unit.name} {folder.unit.build()[:12]}".rstrip() + (f": {read}" if read else ""))
     field("identity", folder.mark)
 
 
+def _needed(needed: dict[str, Any]) -> str:
+    """Return how many flights a half-width takes."""
+    text = (
+        f"half-width {needed['half_width']:g}: {needed['flights']} flights of each group at a proportion of "
+        f"{needed['proportion']:g}"
+    )
+    if needed["flights"] < needed["worst"]:
+        text += f", {needed['worst']} at 0.5"
+    text += f"; {needed['fixed']} if their number were chosen before ({needed['price']:.2f} times as many)"
+    return text + ("; more than the runs of the campaign" if needed["flights"] > needed["runs"] else "")
+
+
 def result(flown: Result) -> None:
     """Print the result of a call of ``run``."""
     field("runs", f"{flown.done} of {flown.runs} done{_trouble(flown.outcomes)}")
+    until(flown.until)
     field("flown", f"{flown.flown} now in {flown.wall_s:.1f} s, {flown.flights_per_s:.1f} flights/s")
     field("table", flown.table_sha256)
     field("folder", str(flown.out))
+
+
+def until(state: dict[str, Any] | None) -> None:
+    """Print where a campaign stands that stops when a proportion is known: the words, and the intervals."""
+    if state is None:
+        return
+    from rig.studies.campaign.campaign_summary import TABLES, until_words
+
+    field("until", until_words(state))
+    table(state["groups"], TABLES["until"], MOST_LINES)
 
 
 def status(state: dict[str, Any]) -> None:
@@ -140,6 +168,7 @@ def status(state: dict[str, Any]) -> None:
         field("reads", state["reads"])
     if state.get("not_flown"):
         field("not flown", unflown(state["not_flown"], state["first_reason"]), style="red")
+    until(state.get("until"))
     field("logs", f"{state['logs']} kept")
     field("identity", state["identity"])
     field("table", state["table_sha256"])
@@ -176,10 +205,24 @@ def report(summary: dict[str, Any], target: Path) -> None:
             f"{head['suspect_channels']} channels in {head['suspect_runs']} runs: suspect in many frames, not isolated"
         )
         field("suspect", text, width=_WIDTH, style="yellow")
+    until(summary.get("until"))
     table(summary.get("by_varied", ()), TABLES["by_varied"], MOST_LINES)
     table(summary.get("detectable", ()), _DETECTABLE, MOST_LINES)
     for name in ("tie_break", "requirements", "servos"):
         table(summary[name], TABLES[name])
+    field("report", str(target), width=_WIDTH)
+
+
+def sensitivity(found: dict[str, Any], target: Path) -> None:
+    """Print the ranked inputs, the flights and inputs that are left out, and the file of the page."""
+    from rig.studies.campaign.drivers import COLUMNS
+
+    line((f"what drives {found['of']}", "bold"), f"  {found['rows']} of {found['flights']} flights")
+    if found["left_out"]:
+        line(f"left out: {found['left_out']} flights without {found['of']}")
+    if found["left_out_inputs"]:
+        line(f"not used, of one value or too many names: {', '.join(found['left_out_inputs'])}")
+    table(found["inputs"], COLUMNS)
     field("report", str(target), width=_WIDTH)
 
 

@@ -95,6 +95,7 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
         Reader("campaign run campaign.toml --out X --workers 1", **_CAMPAIGN, needs=("campaign.toml",)),
     ),
     "campaign run file": (Reader("campaign run X --out o --runs 1 --workers 1", "campaign.toml"),),
+    "campaign sensitivity folder": (Reader("campaign sensitivity X --of delay_s", **_CAMPAIGN),),
     "campaign status folder": (Reader("campaign status X", **_CAMPAIGN),),
     "check --unit": (_unit(f"check {SUITE} --unit X", SUITE),),
     "check suite": (Reader("check X", SUITE, long=True),),
@@ -331,13 +332,15 @@ _PARAMETERS: Final = """
 """
 OTHER_PARAMETERS: Final = {  # other parameters ``name`` read one; files below ``--read`` are those of the commands
     *("aircraft new name", "diagnose --inject", "mcp --read"),
+    *("campaign run --of", "campaign run --by", "campaign sensitivity --of"),
+    *("campaign plan --until", "campaign run --until"),
     *_PARAMETERS.split(),
 }
 _KEYS: Final = """
-    accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes cases
+    accuses address after airspeed_errors autopilot_margins base_model below beta_source box_source boxes by cases
     causes channel class_ constants default discrete distribution errors false_isolations_source faults flight_point
     formula from_ held id inputs key kinds kinds_source law logs lost_margins manager manoeuvre_source name
-    noise_sha256 outputs parameters position properties rotation separator set signal signals source start
+    noise_sha256 of outputs parameters position properties rotation separator set signal signals source start
     stick_margins text time time_column time_unit times title to triads unit vary when without worst_in
 """
 TOOLS: Final = "rig.cli.mcp_tools"  # whose keys are arguments of the commands

@@ -18,7 +18,7 @@ from rig.core.frame import INDEX, SIGNALS
 from rig.core.palette import DASHES, INK, LINE, SERIES, SHARE_SCALE, WHITE, series_colour
 from rig.core.units.quantities import number, unit_shown
 from rig.show.pages.page import DASH, lay_out, write_page
-from rig.studies.campaign.campaign_summary import RANKED, TABLES, summary
+from rig.studies.campaign.campaign_summary import RANKED, TABLES, summary, until_words
 from rig.studies.campaign.folder import Folder
 from rig.studies.campaign.group_rates import OF_RUN, acted, groups
 from rig.world.faults.scenario_faults import KINDS
@@ -39,7 +39,7 @@ def report(folder: Folder, out: Path) -> dict[str, Any]:
     delays = {f"delay-{i}": figure for i, figure in enumerate(delay_curves(acted(folder.tables, ["manager"])))}
     replies = {} if results["replies"] is None else {"replies-0": reply_times(results["replies"])}
     filters = {"magnitude": lambda *of: magnitude_shown(*of) or DASH, "magnitude_unit": magnitude_unit}
-    filters["ending"] = ended
+    filters |= {"ending": ended, "until": until_words}
     levels = [
         {**row, "level": level_shown(row["key"], row["level"], folder.tables["faults"])} for row in results["by_varied"]
     ]

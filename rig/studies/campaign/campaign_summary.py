@@ -32,6 +32,7 @@ from rig.studies.campaign.group_rates import (
 )
 from rig.studies.campaign.statistics import mcnemar, median_interval, paired_difference
 from rig.studies.campaign.tables import COUNTED, RUNS, SUSPECTS
+from rig.studies.campaign.until import kept
 from rig.studies.campaign.varied import by_name, by_varied, varied
 from rig.unit.unit_facts import voted_by
 
@@ -81,6 +82,10 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             for title, name in (("transitions of patterns", "pattern_transitions"), ("of levels", "level_transitions"))
         ),
     ),
+    "until": (
+        *(Column("group", type=str, empty="all"), Column("proportion", lambda row: row, SHARE)),
+        *(Column("half-width", "half_width", ".4f"), Column("known", lambda row: "yes" if row["known"] else "no")),
+    ),
     "requirements": (
         *(Column("requirement", type=str, hint="text"), Column("met", format=SHARE, page="runs that meet it")),
         *(Column("least robustness", "robustness", format=".3g"), Column("in run", "least_run")),
@@ -125,6 +130,7 @@ def summary(folder: Folder) -> dict[str, Any]:
         "varied": varied(plan),
         "by_name": names,
         "headline": headline(tables),
+        "until": kept(folder),
         "by_kind": rates(faults, ["signal", "kind"], names),
         "by_magnitude": rates(with_size, ["signal", "kind", "size"]),
         "by_pattern": rates(faults, ["pattern"]),
@@ -141,6 +147,18 @@ def summary(folder: Folder) -> dict[str, Any]:
         "replies": replies(tables["runs"]),
         "worst": worst(folder),
     }
+
+
+def until_words(state: dict[str, Any]) -> str:
+    """Return where a campaign stands that stops when a proportion is known: ``until.stand`` in words."""
+    by = f" by {state['by']}" if state["by"] else ""
+    wanted = f"half-width {state['half_width']:g} of {state['of']}{by}"
+    if state["known"]:
+        return f"{wanted}: stopped after {state['flights']} of {state['runs']} flights"
+    if state["finished"]:
+        none = f"; no flight has {state['of']}" if not state["groups"] else ""
+        return f"{wanted}: not reached in {state['runs']} flights{none}"
+    return f"{wanted}: not yet, next look after {state['flights']} of at most {state['runs']} flights"
 
 
 def headline(tables: Tables) -> dict[str, Any]:

@@ -3,6 +3,7 @@
     campaign.json               the campaign and the version of rig that flies it
     runs/000010-000019.parquet  a part, and the same name in faults/, alarms/, episodes/ and signals/
     logs/run_000012.mcap        the logs that are kept
+    until.json                  the proportion at which the campaign stops, if there is one
 
 A part is written under another name and renamed, the one in ``runs`` last: a run is done when its row is there.  A run
 that could not be flown has a row with the reason; it does not count as done, and the next command flies it again.
@@ -24,7 +25,7 @@ from rig.core import sealed
 from rig.core.errors import BadInput
 from rig.core.files import DRAFT
 from rig.core.notes import note
-from rig.core.outputs import BESIDE_RUNS, CAMPAIGN
+from rig.core.outputs import BESIDE_RUNS, CAMPAIGN, UNTIL
 from rig.core.renamed import data_now
 from rig.core.trust import Trust
 from rig.studies.campaign import table_parts as parts
@@ -55,7 +56,7 @@ STUDY: Final = _Campaign(
     other="runs of another campaign",
     busy="rig campaign run is flying",
     remedy="take it from a copy, or fly into another folder",
-    beside=BESIDE_RUNS,
+    beside=(*BESIDE_RUNS, UNTIL),
 )
 
 

@@ -11,6 +11,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
+from math import ceil
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from rig.studies.campaign.folder import NOT_FLOWN, Folder, not_flown
 from rig.studies.campaign.plan import SOURCES, Plan, Run, rig_identity
 from rig.studies.campaign.pool import Cluster, Local, Pool
 from rig.studies.campaign.tables import Rows
+from rig.studies.campaign.until import Until, keep, stand
 from rig.studies.campaign.worker import Orders, check_rig, fly_alone, fly_batch
 from rig.unit.unit_file import Unit
 from rig.verdict.of_log import FlightConclusion
@@ -91,6 +93,7 @@ class Result(Ending):
     table_sha256: str
     flights_per_s: float
     wall_s: float
+    until: dict[str, Any] | None = None  # the proportion that stops it, and where it stands
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain data, as ``rig campaign run --json`` prints it."""
@@ -103,6 +106,7 @@ class Result(Ending):
             "table_sha256": self.table_sha256,
             "flown_now": self.flown,
             **{name: getattr(self, name) for name in ("flights_per_s", "wall_s", "interrupted")},
+            **({} if self.until is None else {"until": self.until}),
         }
 
 
@@ -116,11 +120,13 @@ def run(
     logs: str | None = None,
     report: Report | None = None,
     unit: Unit | None = None,
+    until: Until | None = None,
 ) -> Result:
     """Fly the runs of ``plan`` (the first ``runs`` of them) that ``out`` does not hold yet.
 
     workers, logs : instead of the campaign file's; scheduler : the address of a Dask scheduler
     unit : under test; each worker has its own
+    until : stop when the proportion is known
     Runs that could not be flown before are flown again.
     BadInput before anything is written; RigError: the disk is full, or workers keep stopping.
     """
@@ -134,16 +140,16 @@ def run(
         pool.everywhere(check_rig, orders)
         with folder.held(), interruptible(again=True) as stop:
             done = folder.take_out(count)
-            missing = [number for number in range(count) if number not in done]
-            progress = Progress(count, count - len(missing))
+            keep(until, folder)
+            progress = Progress(count, sum(number in done for number in range(count)))
             try:
-                Flying(plan, pool, folder, orders, progress).fly(missing, plan.campaign.run.batch, stop, report)
+                state = Flying(plan, pool, folder, orders, progress).fly_until(until, done, stop, report)
             except BadInput as error:
                 raise BadInput(f"{error}; {progress.done} of {count} runs done") from None
             except RigError as error:
                 raise RigError(f"{error}; {progress.done} of {count} runs done, {GOES_ON}") from None
             kill = stop.insisted
-            return _result(folder, count, progress, done, stop)
+            return _result(folder, count, progress, done, stop, state)
     finally:
         pool.close(kill)
 
@@ -232,6 +238,22 @@ class Flying:
             if report is not None:
                 report(self.progress)
 
+    def fly_until(
+        self, until: Until | None, done: set[int], stop: Stop, report: Report | None
+    ) -> dict[str, Any] | None:
+        """Fly the runs that are not ``done``, with ``until`` from look to look; return where it stands at the last."""
+        size, total = self.plan.campaign.run.batch, self.progress.runs
+        if until is None:
+            self.fly([number for number in range(total) if number not in done], size, stop, report)
+            return None
+        while True:
+            tables = self.folder.read()
+            state, there = stand(until, self.folder, tables), set(tables["runs"]["run"].to_list())
+            if stop.requested or state["finished"]:
+                return state
+            missing = [number for number in range(state["flights"]) if number not in there]
+            self.fly(missing, min(size, ceil(len(missing) / self.pool.size)), stop, report)
+
     def _hand_out(self, waiting: deque[Task]) -> None:
         while waiting and len(self.out) < AHEAD * self.pool.size:
             function, numbers = waiting.popleft()
@@ -262,7 +284,9 @@ class Flying:
         return lost
 
 
-def _result(folder: Folder, count: int, progress: Progress, before: set[int], stop: Stop) -> Result:
+def _result(
+    folder: Folder, count: int, progress: Progress, before: set[int], stop: Stop, state: dict[str, Any] | None
+) -> Result:
     """Return the outcome of the call, from the tables on the disk. RigError: a flown run is no longer in them."""
     try:
         tables = folder.tables
@@ -274,6 +298,7 @@ def _result(folder: Folder, count: int, progress: Progress, before: set[int], st
     if lost:
         text = f"{lost} of {told} runs that were flown are no longer in the tables"
         raise RigError(f"{folder.path}: {text}; {FLIES_AGAIN}")
+    known = state is not None and state["known"]
     return Result(
         out=folder.path,
         runs=count,
@@ -284,6 +309,7 @@ def _result(folder: Folder, count: int, progress: Progress, before: set[int], st
         table_sha256=table.sha256(tables),
         flights_per_s=progress.flights_per_s,
         wall_s=time.perf_counter() - progress.began,
-        interrupted=stop.requested and progress.done + progress.not_flown < count,
+        interrupted=stop.requested and not known and progress.done + progress.not_flown < count,
         signal=stop.signal,
+        until=state,
     )

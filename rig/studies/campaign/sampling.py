@@ -40,6 +40,18 @@ def choices(campaign: Campaign) -> list[Choice]:
     return [grid[run % len(grid)] for run in range(count)]  # beyond the grid: around again, with new seeds
 
 
+def round_of(campaign: Campaign) -> int | None:
+    """Return the number of runs of a round; every round has the same grid or combinations of cases.
+
+    1: every run is drawn alone; None: the points of all runs depend on each other.
+    """
+    if campaign.sampling == "grid":
+        return math.prod(map(len, _axes(campaign)))
+    if campaign.sampling == "stratified":
+        return math.prod(map(len, campaign.cases.values()))
+    return 1 if campaign.sampling == "random" else None
+
+
 def _axes(campaign: Campaign) -> Iterator[list[Choice]]:
     for name, cases in campaign.cases.items():
         yield [{name: case.name, **inside} for case in cases for inside in _inside(case)]
