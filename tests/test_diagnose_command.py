@@ -66,9 +66,9 @@ def test_the_paragraph_names_channel_time_size_and_the_vote(rig_command: Command
     code, out, err = rig_command("diagnose", *written("bin", faulty()))
     assert (code, err) == (0, "")
     said = " ".join(out.split())
-    assert "a.bin: IMU/1 (gyro) is wrong since 1" in said
-    assert "Channel 2 (IMU/1) is wrong on gyro_y since 1" in said
-    assert "could not be told" in said and "In flight the manager cross-channel (threshold 0.05 rad/s" in said
+    assert "a.bin: IMU/1 (gyro) is wrong from 1" in said
+    assert "Channel 2 (IMU/1) is wrong on gyro_y, beginning 1" in said
+    assert "would not be detected" in said and "In flight the manager cross-channel (threshold 0.05 rad/s" in said
     assert "a bound on one log, not a rate" in said
 
 
@@ -76,7 +76,7 @@ def test_the_summary_is_that_of_the_command(rig_command: Command):
     words = written("csv", faulty())
     found = api.diagnose("a.csv", "c.toml")
     assert json.loads(json.dumps(found.summary)) == told(rig_command, *words)
-    assert "gyro.2 (gyro) is wrong since" in repr(found)
+    assert "gyro.2 (gyro) is wrong from" in repr(found)
 
 
 def test_one_of_two_is_not_named(rig_command: Command):
@@ -90,7 +90,7 @@ def test_the_page_is_small_and_has_the_paragraphs(rig_command: Command):
     assert code == 0 and "written  p.html" in out
     text = Path("p.html").read_text()
     assert len(text.encode()) < 5_000_000
-    assert "IMU/1 (gyro) is wrong since" in text and "gyro_y: differences" in text
+    assert "IMU/1 (gyro) is wrong from" in text and "gyro_y: differences" in text
     data = json.loads(text.split('id="figures">')[1].split("</script>")[0])
     assert len(data) == 12
     assert {trace["name"] for trace in data["gyro_y: channels"]["data"]} == {
@@ -108,8 +108,8 @@ def test_injected_faults_are_counted_the_same_each_time(rig_command: Command):
     assert {row["fault"] for row in rows} == {"step", "freeze"}
     assert all(row["wrong"] == 0 and row["tried"] == 3 for row in rows)
     large = {"gyro": 0.5, "accel": 5.0}
-    assert all(row["right"] == 3 for row in rows if row["size"] in (None, large[row["signal"][:-2]]))
-    assert all(row["right"] + row["one_of"] + row["missed"] + row["wrong"] == 3 for row in rows)
+    assert all(row["correct"] == 3 for row in rows if row["size"] in (None, large[row["signal"][:-2]]))
+    assert all(row["correct"] + row["one_of"] + row["missed"] + row["wrong"] == 3 for row in rows)
     assert told(rig_command, *words, "--inject", "freeze,step") == data
     _, out, _ = rig_command("diagnose", *words, "--inject", "freeze")
     assert "faults tried on copies of this log" in out

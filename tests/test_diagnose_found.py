@@ -202,4 +202,4 @@ def test_no_channel_of_the_recorded_flights_departs():
 def test_no_channel_of_the_recorded_px4_logs_departs(name: str):
     found = api.diagnose(PX4_LOGS / f"{name}.ulg")
     assert {one.verdict for one in found.signals.values()} == {"none"}
-    assert all("cannot be told" in " ".join(one.remarks) for one in found.quantities.values())
+    assert all("are not detected" in " ".join(one.remarks) for one in found.quantities.values())

@@ -79,7 +79,7 @@ class NewOptions:
     out: Annotated[Path, opt("DIR", "Folder in which the new folder is made.")] = Path()
     point: Annotated[
         list[str] | None,
-        opt("ALTITUDE_M:MACH", "Flight point. Repeatable. If not given, --points of them that trim are proposed."),
+        opt("ALTITUDE_M:MACH", "Flight point. Repeatable. If not given, the command finds --points of them."),
     ] = None
     points: Annotated[int, opt("N", "Number of flight points to propose.", min=1, max=3)] = 2
     lag_s: Annotated[float | None, opt("S", "Lag of the actuators, s.", min=0.0001, max=1.0, show_default=False)] = None

@@ -55,7 +55,7 @@ def diagnose(options: DiagnoseOptions) -> None:
 
 
 _INJECTED: Final = (
-    *(Column("signal"), Column("fault"), Column("size", lambda row: _size(row)), Column("tried"), Column("right")),
+    *(Column("signal"), Column("fault"), Column("size", lambda row: _size(row)), Column("tried"), Column("correct")),
     *(
         Column("one of two", "one_of"),
         Column("missed"),
@@ -83,7 +83,7 @@ def _show(summary: dict[str, Any]) -> None:
         line(f"{name}: not compared: {reason}")
     if summary["injected"]:
         line()
-        line("faults tried on copies of this log: how many of them are found")
+        line("faults tried on copies of this log: how many of them are detected")
         table(summary["injected"], _INJECTED)
     for warning in summary["warnings"]:
         line(f"warning: {warning}", style="yellow")

@@ -107,7 +107,7 @@ def _at(time_s: float | None, first_s: float) -> str | None:
 
 def _not_corrected(channel: dict[str, Any]) -> str:
     if channel["mirrored"]:
-        return "not corrected: mirrored, which no mounting is"
+        return "not corrected: mirrored, which no mounting explains"
     return "" if channel["applied"] else "not corrected: gains outside 0.9 to 1.1 are no misalignment"
 
 

@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 _AGAIN: Final = 0.01  # share of stamps with two values from which it is no accident
 _IN_TURN: Final = 0.2  # of a step: by which steps differ at least that come in turn
 _STEADY: Final = 0.3  # of that: by which the sum of two of them varies at most
-_FEW: Final = 20  # rows in which nothing can be told
+_FEW: Final = 20  # rows in which no verdict is possible
 _DECIMALS: Final = 9
 _ROUNDED: Final = 1.5  # last decimals by which steps differ that are equal but for the rounding of stamps
 

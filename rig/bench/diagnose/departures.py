@@ -167,7 +167,7 @@ def _vibrates(axis: _Axis, k: int, size: float, found: Findings) -> bool:
         return False
     since = float(axis.group.time_s[k] - axis.group.time_s[0])
     found.remarks.append(
-        f"{axis.signal}: the channels part by {axis.group.shown(size)} {since:.2f} s after the first row while the "
+        f"{axis.signal}: the channels diverge by {axis.group.shown(size)} {since:.2f} s after the first row while the "
         f"vibration rises to {axis.group.shown(float(level[k]))}: no sign of a fault"
     )
     return True
@@ -208,7 +208,7 @@ def _of_two(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
         text = "the two differ from the first row on, and not later"
         return Fault(axis.signal, "departs", 0, time, float(real[k]), text)
     size = axis.group.shown(float(abs(real[k])))
-    text = f"parts from the other by {size} and alone jumps" if named is not None else f"the two part by {size}"
+    text = f"departs from the other by {size}, and it alone jumps" if named is not None else f"the two differ by {size}"
     signed = float(real[k]) if named in (None, 0) else -float(real[k])
     channel = None if named is None else axis.group.instances[named].channel
     return Fault(axis.signal, "departs", channel, time, signed, text)

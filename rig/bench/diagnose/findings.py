@@ -34,7 +34,7 @@ class Convention:
     value: float | str  # factor, axes, deg, s, or unit of the signal
     text: str  # the same in words
     named: bool = True  # False: one of two instances
-    corrected: bool = True  # it was taken off before the comparison
+    corrected: bool = True  # it was corrected before the comparison
     signal: str = ""  # of an offset
     angle: bool = False  # of a mounting, estimated: no whole axes
     matrix: Matrix | None = None  # from what it measures to what the others do
@@ -46,7 +46,7 @@ class Fault:
 
     signal: str
     kind: Kind
-    channel: int | None  # None: one of two; 0: cannot be told
+    channel: int | None  # None: one of two; 0: not known
     time_s: float
     difference: float
     text: str
@@ -90,10 +90,10 @@ class SignalDiagnosis:
     difference: float | None = None  # of the fault; without one the largest that lasted
     in_thresholds: float | None = None  # the difference, relative to what counts then
     threshold: float | None = None  # of the comparison of half-second means
-    smallest_told: float | None = None  # a step below this could not be told
+    smallest_told: float | None = None  # a step below this would not be detected
     in_flight: InFlight | None = None  # decisions of the manager on the rows as joined
     text: str = ""  # the fault in words
-    remarks: tuple[str, ...] = ()  # why nothing can be told
+    remarks: tuple[str, ...] = ()  # why no verdict is possible
 
     def as_dict(self) -> dict[str, Any]:
         """Return the verdict as plain data."""

@@ -118,7 +118,7 @@ def stopped(group: Group) -> list[Fault]:
         step_s = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
         last = max(end for j, end in enumerate(ends) if j != c)
         if last - ends[c] > max(LASTS_S, _STOPS_STEPS * step_s):
-            text = "has no samples from there on, the others have"
+            text = "has no samples from then on, and the others have"
             found += [Fault(signal, "no samples", instance.channel, ends[c], 0.0, text) for signal in group.signals]
     return found
 

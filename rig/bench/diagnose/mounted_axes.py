@@ -67,7 +67,9 @@ def take_off_axes(group: Group, x: Floats, found: Findings) -> float:
     what = _axes(matrix) if turn.whole else f"turned by {rotation_deg(matrix):.0f} deg"
     kind = "axes" if turn.whole and mirrored else "mounting"
     value = what if kind == "axes" else round(rotation_deg(matrix), 1)
-    text = f"{what}, which no mounting does: a flipped or swapped axis" if mirrored else f"mounted otherwise: {what}"
+    text = (
+        f"{what}, which no mounting explains: a flipped or swapped axis" if mirrored else f"mounted otherwise: {what}"
+    )
     turned = tuple(tuple(row) for row in matrix.tolist())
     convention = Convention(
         group.name, group.instances[odd], kind, value, text, named, angle=not turn.whole, matrix=turned
@@ -95,7 +97,7 @@ def _tell_small(group: Group, turns: dict[tuple[int, int], Turn | None], found: 
             continue
         c = j if odd is None else odd
         of = "the others" if odd is not None and count > 2 else str(group.instances[i])
-        text = f"turned by about {angle:.0f} deg to {of}; this is not taken off"
+        text = f"turned by about {angle:.0f} deg to {of}; this is not corrected"
         named = odd is not None and count > 2
         convention = Convention(group.name, group.instances[c], "mounting", round(angle, 1), text, named, False)
         found.conventions.append(convention)

@@ -24,7 +24,7 @@ from rig.log.recordings.stamps import Floats
 MEANS_S: Final = 0.5
 LEAST_ROWS: Final = 20
 LEAST_S: Final = 3.0
-SLOW_HZ: Final = 5.0  # below it vibration and short faults cannot be told
+SLOW_HZ: Final = 5.0  # below it vibration and short faults are not detected
 _LEAST_SHARE: Final = 0.2  # of the rows, before an instance freezes; with fewer it is left out instead
 _FASTER: Final = {  # PX4-Autopilot, src/modules/logger/params.c
     "px4": "; PX4 logs gyros, accelerometers and barometers faster with bit 6 (sensor comparison) of SDLOG_PROFILE"
@@ -189,7 +189,7 @@ def _tell_rate(group: Group, found: Findings, threshold_of: str) -> None:
         faster = next((how for system, how in _FASTER.items() if threshold_of.endswith(system)), "")
         found.remarks.append(
             f"{group.rate_hz:.2g} rows a second: faults shorter than {3.0 / group.rate_hz:.1f} s, and vibration, "
-            f"cannot be told{faster}"
+            f"are not detected{faster}"
         )
 
 

@@ -15,13 +15,13 @@ def title(quantities: Mapping[str, QuantityDiagnosis]) -> str:
     named = sorted((one for one in signals if one.verdict == "channel"), key=lambda one: one.since_s or 0.0)
     if named:
         first = named[0]
-        return f"{first.instance} ({first.quantity}) is wrong since {first.since_s or 0.0:.2f} s"
+        return f"{first.instance} ({first.quantity}) is wrong from {first.since_s or 0.0:.2f} s on"
     if any(one.verdict == "one_of" for one in signals):
         first = min((one for one in signals if one.verdict == "one_of"), key=lambda one: one.since_s or 0.0)
-        return f"one of the two {first.quantity} channels is wrong since {first.since_s or 0.0:.2f} s"
+        return f"one of the two {first.quantity} channels is wrong from {first.since_s or 0.0:.2f} s on"
     if any(one.verdict == "none" for one in signals):
         return "no channel departs from the others"
-    return "nothing can be told"
+    return "no verdict is possible"
 
 
 def paragraph(one: QuantityDiagnosis, zero_s: float) -> str:
@@ -38,7 +38,7 @@ def _conventions(one: QuantityDiagnosis) -> Iterator[str]:
     for each in one.conventions:
         who = f"Channel {each.instance.channel} ({each.instance})"
         who = who if each.named else f"{who}, or the other one,"
-        yield f"{who}: {each.text}{'; taken off' if each.corrected and each.kind not in ('offset',) else ''}."
+        yield f"{who}: {each.text}{'; corrected' if each.corrected and each.kind not in ('offset',) else ''}."
 
 
 def _verdicts(one: QuantityDiagnosis, zero_s: float) -> Iterator[str]:
@@ -59,13 +59,13 @@ def _fault(names: list[str], signal: SignalDiagnosis, zero_s: float) -> Iterator
     if abs(zero_s) >= LONG_AGO_S:
         since += f" (at {digits(signal.time_s or 0.0)} s)"
     if signal.verdict == "channel":
-        yield f"Channel {signal.channel} ({signal.instance}) is wrong on {on} since {since}: it {signal.text}."
+        yield f"Channel {signal.channel} ({signal.instance}) is wrong on {on}, beginning {since}: it {signal.text}."
     elif signal.verdict == "one_of":
-        yield f"One of the two is wrong on {on} since {since}: {signal.text}; two alone do not show which."
+        yield f"One of the two is wrong on {on}, beginning {since}: {signal.text}; two alone do not show which."
     else:
-        yield f"The channels of {on} differ since {since}: {signal.text}. It cannot be told which is wrong."
+        yield f"The channels of {on} differ, beginning {since}: {signal.text}. The log does not show which is wrong."
     if signal.smallest_told is not None:
-        yield f"A step below {signal.smallest_told:.3g} {signal.unit} could not be told.".replace(" .", ".")
+        yield f"A step below {signal.smallest_told:.3g} {signal.unit} would not be detected.".replace(" .", ".")
     if signal.in_flight is not None:
         yield _in_flight(signal.in_flight, signal)
 
@@ -92,7 +92,7 @@ def _healthy(signals: dict[str, SignalDiagnosis]) -> Iterator[str]:
     on = ", ".join(signals)
     smallest = ", ".join(f"{s.smallest_told:.3g}" for s in signals.values() if s.smallest_told is not None)
     yield (
-        f"No channel departs on {on}: the largest difference that lasts is {one.difference or 0.0:.3g}{unit} "
+        f"No channel departs on {on}: the largest sustained difference is {one.difference or 0.0:.3g}{unit} "
         f"({one.in_thresholds or 0.0:.2g} thresholds, on {worst}); {smallest}{unit} would have counted. "
         "This is a bound on one log, not a rate."
     )

@@ -66,7 +66,9 @@ def trials(group: Group, healthy: QuantityDiagnosis, kinds: Sequence[str]) -> li
 
 def _row(signal: str, kind: str, size: float, unit: str, outcomes: list[tuple[str, float | None]]) -> dict[str, Any]:
     delays = [late for _, late in outcomes if late is not None]
-    counts = {what: sum(outcome == what for outcome, _ in outcomes) for what in ("right", "one_of", "missed", "wrong")}
+    counts = {
+        what: sum(outcome == what for outcome, _ in outcomes) for what in ("correct", "one_of", "missed", "wrong")
+    }
     return {
         "signal": signal,
         "fault": kind,
@@ -91,7 +93,7 @@ def _outcome(group: Group, trial: _Trial) -> tuple[str, float | None]:
     since_s = min(signal.since_s or 0.0 for signal in named or told)
     if since_s < onset_s - _EARLY_S:
         return ("wrong" if named else "missed"), None
-    return ("right" if named else "one_of"), max(since_s - onset_s, 0.0)
+    return ("correct" if named else "one_of"), max(since_s - onset_s, 0.0)
 
 
 def with_fault(group: Group, trial: _Trial) -> Group:

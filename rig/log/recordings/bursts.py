@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 GAP: Final = 5.0  # usual steps from which a pause is told
 _BETWEEN: Final = 0.8  # of the time, at least, lies between bursts
-_FEW: Final = 5  # bursts in which nothing can be told
+_FEW: Final = 5  # bursts in which no verdict is possible
 _ALIKE: Final = 3.0  # of the pauses: the longest tenth against the shortest
 _ROWS: Final = 1.5  # of a burst, at least
 
