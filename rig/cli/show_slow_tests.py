@@ -23,7 +23,8 @@ def show_slow_tests(signals: dict[str, Any]) -> None:
     table(rows, _FACTORS)
     line()
     drift = rows[0]["delay_s"]["drift_per_s"]
-    line(f"delay to isolation, s, of an offset in thresholds, and of a drift by {drift:g} thresholds per second")
+    line("one channel: smallest isolated offset, thresholds; delay to isolation, s, of offsets in thresholds,")
+    line(f"and of a drift by {drift:g} thresholds per second")
     table(rows, _delays(rows[0]))
 
 
@@ -56,7 +57,8 @@ def _delays(row: dict[str, Any]) -> tuple[Column, ...]:
         for size in row["delay_s"]["offset"]
     )
     return (
-        *(Column("signal"), Column("noise", lambda row: row["noise"], ".3g"), Column("", "unit"), *sizes),
+        *(Column("signal"), Column("noise", lambda row: row["noise"], ".3g"), Column("", "unit")),
+        *(Column("smallest", "smallest_offset", ".3f", empty="none"), *sizes),
         Column("drift", lambda row: row["delay_s"]["drift"], ".2f", empty="none"),
     )
 

@@ -64,11 +64,11 @@ def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
             for design, tradeoff in zip(signal.designs, tradeoffs, strict=True)
         ],
         "hold_out": {str(level): _count(count) for level, count in (signal.held_out or {}).items()},
-        "slow_tests": None if signal.slow_tests is None else _slow_tests(signal.slow_tests),
+        "slow_tests": None if signal.slow_tests is None else of_slow_tests(signal.slow_tests),
     }
 
 
-def _slow_tests(tests: SlowDesign) -> dict[str, Any]:
+def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
     """Return the design of slow-fault tests: keys, largest shares with margins, and delays by size in thresholds."""
     offsets = {f"{size:g}": delay_s for size, delay_s in zip(OFFSETS, tests.delays.offsets, strict=True)}
     return {
@@ -79,6 +79,7 @@ def _slow_tests(tests: SlowDesign) -> dict[str, Any]:
         "flights": tests.flights,
         "noise": tests.noise,
         "delay_s": {"offset": offsets, "drift": tests.delays.drift, "drift_per_s": DRIFT},
+        "smallest_offset": tests.delays.smallest,
     }
 
 

@@ -21,7 +21,7 @@ from rig.studies.thresholds.design import EXACT, DataBlock, Design, Grid, Thresh
 from rig.studies.thresholds.holdout import Count, holdout
 from rig.studies.thresholds.pieces import four, parameters
 from rig.studies.thresholds.slow_fault_limits import LIMITS, residuals
-from rig.studies.thresholds.slow_test_factors import SlowDesign, slow_design, tests_of, watched
+from rig.studies.thresholds.slow_test_factors import SlowDesign, bare_tests, slow_design, watched
 from rig.studies.thresholds.tail import CLUSTERS
 from rig.studies.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 
@@ -180,7 +180,7 @@ def with_tests(name: str, made: Signal, data: Data, settings: RecordedSignal) ->
         return replace(made, notes=[*made.notes, f"{name}: no slow-fault tests: {why.removeprefix('slow_tests: ')}"])
     left_out = {suspect.flight for suspect in made.left_out} if made.flights < len(data.signals[name]) else set()
     flights = [flight for f, flight in enumerate(data.signals[name]) if f not in left_out]
-    channels, tests = len(flights[0].samples), tests_of(given)
+    channels, tests = len(flights[0].samples), bare_tests(given)
     (params,) = parameters(settings, channels, data.rate_hz)
     measured = [watched((four(flight.samples.T), flight.reference), params, tests) for flight in flights]
     tested = slow_design(measured, given, (settings.threshold, channels), data.rate_hz)

@@ -32,10 +32,14 @@ FOLLOWS: Final = {4: (0.25, 0.423), 3: (1.0 / 3.0, 0.564)}
 
 
 class Delays(NamedTuple):
-    """Delay to isolation, s, None: not isolated; of each of OFFSETS, and of a drift by DRIFT."""
+    """Delay to isolation, s, None: not isolated; of each of OFFSETS, and of a drift by DRIFT.
+
+    smallest : offset that is isolated, thresholds; None: none is
+    """
 
     offsets: tuple[float | None, ...]
     drift: float | None
+    smallest: float | None
 
 
 class Limits(NamedTuple):
@@ -61,20 +65,27 @@ def delays(tests: SlowTests, sheet: DataSheet, threshold: float, noise: float, f
     """
     channels, rate_hz = fitted
     if channels not in FOLLOWS:
-        return Delays((None,) * len(OFFSETS), None)
+        return Delays((None,) * len(OFFSETS), None, None)
     at, unit = limits(tests), threshold / noise
     offsets = [offset_frames(size * unit, at, channels) for size in OFFSETS]
     most = round(MOST_S * rate_hz)
     bound = BIAS * sheet.bias_tolerance / noise
     drift = drift_frames(DRIFT * unit / rate_hz, bound, at, channels, most)
     in_s = [None if frames is None else frames / rate_hz for frames in (*offsets, drift)]
-    return Delays(tuple(in_s[:-1]), in_s[-1])
+    return Delays(tuple(in_s[:-1]), in_s[-1], smallest(at, channels) / unit)
 
 
 def beside_median(z: float, channels: int) -> float:
     """Return what is left of an offset ``z`` of one channel beside the median, which follows it; units of noise."""
     share, most = FOLLOWS[channels]
     return z - min(share * z, most)
+
+
+def smallest(at: Limits, channels: int) -> float:
+    """Return the constant offset, units of noise, above which one is isolated."""
+    share, most = FOLLOWS[channels]
+    r = min(at.fast, at.slow, sqrt(at.square))
+    return min(r / (1.0 - share), r + most)
 
 
 def offset_frames(z: float, at: Limits, channels: int) -> int | None:

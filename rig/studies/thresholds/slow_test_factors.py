@@ -3,7 +3,7 @@
 The tests run with factors of 1 over every flight, and isolate no channel.  A share is what a statistic reaches of its
 bare limit.
 
-factors    MARGIN times the largest share of the means, of the mean of squares and of the halves, each at least LEAST
+factors    MARGIN times the largest share of the means, of the mean of squares and of the halves, and at least LEAST
 reference  level: REFERENCE_MARGIN times the largest error at rest, a mean over 0.25 s without the learned bias; and the
            share of the rate of motion by which larger errors in motion exceed it
 hold-out   every second flight designs, the shares of the others are counted that exceed the factors; and the other way
@@ -31,11 +31,13 @@ from rig.studies.thresholds.slow_test_delays import Delays, delays
 
 Floats = NDArray[np.float64]
 MARGIN: Final = 1.3  # of the factors
-LEAST: Final = 1.1  # factor, where the data ask for less
+# Factors where the data ask for less.  Halves have no reserve: their reference decides, and a pair that is suspected
+# late is mistaken for one channel.
+LEAST: Final = {"factor": 1.1, "squares_factor": 1.1, "halves_factor": 1.0}
 REFERENCE_MARGIN: Final = 1.2
 LEAST_ERROR: Final = 0.02  # thresholds: what a reference is trusted to at most
 MOST_ERROR: Final = 0.4  # thresholds: a reference in error by more decides nothing
-FACTORS: Final = ("factor", "squares_factor", "halves_factor")
+FACTORS: Final = tuple(LEAST)
 DESIGNED: Final = (*FACTORS, "reference_error", "reference_frames")  # keys
 BINS: Final = 40  # of the rate of motion
 BIN: Final = 0.01  # thresholds a frame: width of a bin
@@ -139,7 +141,9 @@ def slow_design(
 
 def keys_of(flights: Sequence[Measured], threshold: float, margin: float = MARGIN) -> dict[str, float]:
     """Return the keys of ``slow_tests``; those of the reference only if it was seen and is exact enough."""
-    keys = {name: _rounded(max(LEAST, margin * share)) for name, share in zip(FACTORS, _largest(flights), strict=True)}
+    keys = {
+        name: _rounded(max(LEAST[name], margin * share)) for name, share in zip(FACTORS, _largest(flights), strict=True)
+    }
     errors = REFERENCE_MARGIN * np.max([flight.errors for flight in flights], axis=0)
     level = max(float(errors[0]), LEAST_ERROR * threshold)
     if errors.any() and level < MOST_ERROR * threshold:
@@ -159,7 +163,7 @@ def _beyond(keys: Mapping[str, float], flights: Iterable[Measured]) -> int:
 
 
 def _rounded(value: float) -> float:
-    return rounded_up(value, DIGITS)
+    return rounded_up(value * (1.0 - 1e-12), DIGITS)  # 1.3 times 0.9 is 1.17
 
 
 @long_kernel
@@ -194,7 +198,7 @@ def _watch(samples, reference, given, params, state, width, out):
             errors[b] = max(errors[b], abs(off))
 
 
-def tests_of(given: SlowTests) -> Mapping[str, Any]:
+def bare_tests(given: SlowTests) -> Mapping[str, Any]:
     """Return the fields of PARAMS of the tests with factors of 1, from figures that ``given`` has."""
     bare: dict[str, float] = dict.fromkeys(FACTORS, 1.0)
     return tests_params(given.model_copy(update=bare), None)

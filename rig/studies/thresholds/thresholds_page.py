@@ -63,8 +63,10 @@ def _tests_row(name: str, tests: dict[str, Any], unit: str | None) -> dict[str, 
     margins = {key: "" if margin is None else f" x {margin:.2f}" for key, margin in tests["margin"].items()}
     delays = [*tests["delay_s"]["offset"].values(), tests["delay_s"]["drift"]]
     error = keys.get("reference_error")
+    smallest = tests["smallest_offset"]
     return {
         "signal": name,
+        "smallest": "none" if smallest is None else f"{smallest:.3f}",
         "factors": [f"{keys[key]:.3g} ({tests['largest'][key]:.2f}{by})" for key, by in margins.items()],
         "reference": "-" if error is None else f"{error:.3g} {unit or ''} + {keys['reference_frames']:.3g} frames",
         "beyond": "-" if beyond is None else f"{beyond} of {tests['flights']}",
