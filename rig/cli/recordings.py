@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from rig.cli.common import Align, AllowCode, Json, arg, comma_list, emit, flag, named, opt, takes_options, whole_numbers
 from rig.cli.printing import line, table
 from rig.cli.requirements_option import Requirements
+from rig.cli.show_slow_tests import show_slow_tests
 from rig.cli.working import working
 from rig.core.column import KEPT, Column
 from rig.core.errors import BadInput
@@ -124,6 +125,9 @@ class ThresholdsOptions:
     slow_faults: Annotated[str, opt("RULE,RULE...", "Slow-fault rules to try: bias, slow, stale, or none.")] = (
         "bias,slow,stale"
     )
+    slow_tests: Annotated[
+        bool, flag("--slow-tests", "Also design the slow-fault tests; CONFIG states the noise of a sample.")
+    ] = False
     align: Align
     repair_time: Annotated[bool, flag("--repair-time", "Drop rows whose time repeats or is out of order.")] = False
     keep: Annotated[bool, flag("--keep", "Also use flights in which one channel deviates from the others.")] = False
@@ -203,6 +207,7 @@ def _show(summary: dict[str, Any]) -> None:
         line()
         line("hold-out: one half designs, the other half counts false isolations, both ways")
         table(held_out, _HOLD_OUT)
+    show_slow_tests(signals)
     line()
     line("motion of the data, 95 %: the thresholds are valid only for data that move no more than this")
     table(({"signal": name, **signal["motion"]} for name, signal in signals.items()), _MOTION)

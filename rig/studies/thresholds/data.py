@@ -23,10 +23,13 @@ import numpy as np
 
 from rig.computer.redundancy.manager_config import SignalConfig
 from rig.computer.redundancy.managers import KINDS
+from rig.computer.redundancy.slow_tests_config import SlowTests
 from rig.core.errors import BadInput, BadLog
 from rig.core.files import is_file, is_folder
+from rig.core.frame import SIGNALS
 from rig.core.outputs import CAMPAIGN
 from rig.core.renamed import data_now
+from rig.core.settings import build
 from rig.log.recordings.alignment import AlignOptions, run_alignment
 from rig.log.recordings.formats.known import is_log, open_log
 from rig.log.recordings.formats.presets import config as preset_config
@@ -37,6 +40,7 @@ from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig
 from rig.log.scan import About, iter_parts
 from rig.studies.thresholds.design import DataBlock
+from rig.world.sensors import Suite, data_sheets
 
 MANAGER: Final = next(kind.name for kind in KINDS if kind.compares)
 SAME_RATE: Final = 0.02  # by which rates may differ
@@ -55,6 +59,7 @@ class Data:
     referenced: set[str] = field(default_factory=set)  # signals with a reference in the recording
     notes: list[str] = field(default_factory=list)
     healthy: set[str] = field(default_factory=set)  # flights of scenarios without faults, in which no channel is faulty
+    slow_tests: dict[str, SlowTests] = field(default_factory=dict)  # of CONFIG, figures of the sensors among them, SI
 
 
 def load(
@@ -62,6 +67,7 @@ def load(
 ) -> Data:
     """Read all inputs. BadInput in one line: no recording, a fault in a flight, or recordings that differ.
 
+    Slow-fault tests of the settings stand apart: thresholds are designed without them.
     aligned : how each recording is aligned, as in ``rig vote``; None: not at all
     """
     paths = recordings(inputs, config)
@@ -80,7 +86,10 @@ def load(
             recording, _ = run_alignment(recording, settings, aligned, config.triads)
         if data is None:
             used = {name for name in settings if recording.signals[name].reference is not None}
-            data = Data([], recording.rate_hz, 0.0, {name: [] for name in settings}, settings, used)
+            tested = {name: given.slow_tests for name, given in settings.items() if given.slow_tests is not None}
+            untested = {name: given.model_copy(update={"slow_tests": None}) for name, given in settings.items()}
+            flights: dict[str, list[DataBlock]] = {name: [] for name in settings}
+            data = Data([], recording.rate_hz, 0.0, flights, untested, used, slow_tests=tested)
         _add(data, path, recording)
         data.notes.extend(notes)
         data.healthy.update({str(path)} if ours else ())
@@ -111,7 +120,7 @@ def _add(data: Data, path: Path, recording: Recording) -> None:
         samples = columns(recording.signals[name], data.settings[name])
         if flights and len(samples) != len(flights[0].samples):
             raise BadInput(f"{path}: {name} has {len(samples)} channels, {data.names[0]} has {len(flights[0].samples)}")
-        flights.append(DataBlock(str(path), samples, data.rate_hz))
+        flights.append(DataBlock(str(path), samples, data.rate_hz, recording.signals[name].reference))
     data.names.append(str(path))
 
 
@@ -156,9 +165,10 @@ def of_preset(paths: Sequence[Path]) -> dict[str, Any] | None:
     return None if log is None else preset_config(log.contents, paths[0])
 
 
-def of_scenario(paths: Sequence[Path]) -> VoteConfig:
+def of_scenario(paths: Sequence[Path], slow_tests: bool = False) -> VoteConfig:
     """Return the settings of the first log's scenario, if all of INPUT is flight logs of rig.
 
+    slow_tests : with the figures of the sensors in tables of that name; False: without such tables
     BadInput: a file is no flight log of rig, or another manager flew.
     """
     for path in paths:
@@ -169,12 +179,23 @@ def of_scenario(paths: Sequence[Path]) -> VoteConfig:
         if redundancy.get("manager", MANAGER) != MANAGER:
             raise BadInput(f"{path}: flown with the manager {redundancy['manager']}, which has no threshold to design")
     signals: dict[str, Any] = {}
-    for name, table in _scenario(paths[0])["redundancy"]["signals"].items():
+    flown = _scenario(paths[0])
+    for name, table in flown["redundancy"]["signals"].items():
         signals[name] = {
             key: value for key, value in table.items() if key in SignalConfig.model_fields and value is not None
         }
         signals[name].pop("split_persistence", None)  # resolved: always there, also if not given
+        signals[name].pop("slow_tests", None)
+    for name, figures in _figures(flown, str(paths[0])).items() if slow_tests else ():
+        signals[name]["slow_tests"] = figures
     return VoteConfig(signal=signals)
+
+
+def _figures(flown: dict[str, Any], source: str) -> dict[str, dict[str, float]]:
+    """Return the figures of each sensor of a scenario that states its noise, as keys of ``slow_tests``."""
+    suite = build(Suite, flown.get("sensors", {}), f"{source}: sensors")
+    sheets = zip(SIGNALS, data_sheets(suite, float(flown["rate_hz"])), strict=True)
+    return {signal.name: sheet._asdict() for signal, sheet in sheets if sheet.noise_std > 0.0}
 
 
 def recordings(inputs: Iterable[Path], config: VoteConfig) -> list[Path]:

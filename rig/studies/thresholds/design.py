@@ -112,11 +112,12 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class DataBlock:
-    """One block of data: the samples (C, n) of a signal, NaN if one is not comparable."""
+    """One block of data: the samples (C, n) of a signal, NaN if one is not comparable, and its reference (n,)."""
 
     name: str
     samples: Floats
     rate_hz: float
+    reference: Floats | None = field(default=None, compare=False)
 
     @property
     def hours(self) -> float:

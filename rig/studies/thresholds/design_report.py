@@ -10,6 +10,8 @@ from rig.studies.thresholds.data_check import SHARE
 from rig.studies.thresholds.design import Design, Grid, rounded_up
 from rig.studies.thresholds.design_signals import MARKED, RULE, Signal, extrapolation
 from rig.studies.thresholds.holdout import Count, total
+from rig.studies.thresholds.slow_test_delays import DRIFT, OFFSETS
+from rig.studies.thresholds.slow_test_factors import SlowDesign
 from rig.studies.thresholds.tradeoff import Tradeoff
 
 SLOW_FAULTS: Final = ("equalise_bound", "equalise_s", "slow_allowance", "slow_limit", "stale_frames")  # None: off
@@ -62,6 +64,22 @@ def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
             for design, tradeoff in zip(signal.designs, tradeoffs, strict=True)
         ],
         "hold_out": {str(level): _count(count) for level, count in (signal.held_out or {}).items()},
+        "slow_tests": None if signal.slow_tests is None else of_slow_tests(signal.slow_tests),
+    }
+
+
+def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
+    """Return the design of slow-fault tests: keys, largest shares with margins, and delays by size in thresholds."""
+    offsets = {f"{size:g}": delay_s for size, delay_s in zip(OFFSETS, tests.delays.offsets, strict=True)}
+    return {
+        "keys": tests.keys,
+        "largest": tests.shares,
+        "margin": tests.margins,
+        "held_out_beyond": tests.beyond,
+        "flights": tests.flights,
+        "noise": tests.noise,
+        "delay_s": {"offset": offsets, "drift": tests.delays.drift, "drift_per_s": DRIFT},
+        "smallest_offset": tests.delays.smallest,
     }
 
 

@@ -18,7 +18,7 @@ from rig.studies.thresholds.data import Data, load, of_preset, of_scenario, reco
 from rig.studies.thresholds.data_check import beyond, envelope
 from rig.studies.thresholds.design import Grid
 from rig.studies.thresholds.design_report import remarks, summary
-from rig.studies.thresholds.design_signals import Signal, design
+from rig.studies.thresholds.design_signals import Signal, Tests, design
 from rig.studies.thresholds.in_out import recorded_toml, scenario_toml, start
 
 
@@ -36,6 +36,7 @@ class Options:
     keep: bool
     outlier: bool
     monitored: list[Path]
+    slow_tests: bool = False
 
 
 def run(options: Options) -> dict[str, Any]:
@@ -50,7 +51,8 @@ def run(options: Options) -> dict[str, Any]:
         reading = (settings, str(options.config or options.inputs[0]), options.repair_time, options.align)
         data = load(options.inputs, *reading)
         read = perf_counter()
-        signals = {name: made.in_unit() for name, made in design(data, options.grid, options.keep).items()}
+        made = design(data, options.grid, options.keep, _tests(options))
+        signals = {name: each.in_unit() for name, each in made.items()}
         if options.monitored:
             _note_motion(data, signals, load(options.monitored, *reading))
         result = summary(data, options.grid, signals)
@@ -62,6 +64,11 @@ def run(options: Options) -> dict[str, Any]:
     return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
 
 
+def _tests(options: Options) -> Tests:
+    """Return beside which threshold slow-fault tests are designed."""
+    return ("kept" if options.outlier else "designed") if options.slow_tests else "none"
+
+
 def _settings(options: Options) -> tuple[VoteConfig, dict[str, Any] | None]:
     """Return the settings to begin with, and the tables of CONFIG or of a preset; None: of a scenario."""
     if options.config is not None:
@@ -69,7 +76,7 @@ def _settings(options: Options) -> tuple[VoteConfig, dict[str, Any] | None]:
     paths = recordings(options.inputs, VoteConfig())
     if (tables := of_preset(paths)) is not None:
         return config_of(tables, paths[0]), tables
-    return of_scenario(paths), None
+    return of_scenario(paths, options.slow_tests), None
 
 
 def _note_motion(data: Data, signals: Mapping[str, Signal], monitored: Data) -> None:
@@ -86,6 +93,7 @@ def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Map
     chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
     settings = {name: signal.settings for name, signal in signals.items()}
     head = remarks(data, options.grid, signals)
+    tests = {name: signal.slow_tests.keys for name, signal in signals.items() if signal.slow_tests is not None}
     if raw is None:
-        return scenario_toml(chosen, settings, head, options.outlier)
-    return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, options.outlier)
+        return scenario_toml(chosen, settings, head, options.outlier, tests)
+    return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, options.outlier, tests)

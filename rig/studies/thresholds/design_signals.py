@@ -6,10 +6,11 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
+from rig.computer.redundancy.slow_tests_config import refusal
 from rig.core.errors import BadInput
 from rig.core.progress import tell
 from rig.core.threads import cores, on_threads
@@ -18,7 +19,9 @@ from rig.studies.thresholds.data import Data
 from rig.studies.thresholds.data_check import Envelope, Suspect, envelope, suspects
 from rig.studies.thresholds.design import EXACT, DataBlock, Design, Grid, Threshold, designs, with_sums
 from rig.studies.thresholds.holdout import Count, holdout
+from rig.studies.thresholds.pieces import four, parameters
 from rig.studies.thresholds.slow_fault_limits import LIMITS, residuals
+from rig.studies.thresholds.slow_test_factors import SlowDesign, bare_tests, slow_design, watched
 from rig.studies.thresholds.tail import CLUSTERS
 from rig.studies.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 
@@ -30,6 +33,7 @@ MARKED: Final = 100.0  # extrapolation from which a design is marked
 FEW: Final = 9  # flights below which budgets did not hold
 STRETCHES: Final = 16  # that a single flight is cut into
 _SHORTEST_S: Final = 10.0  # of a stretch
+Tests = Literal["none", "designed", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,7 @@ class Signal:
     chosen: int | None = None
     held_out: dict[int, Count] | None = None
     notes: list[str] = field(default_factory=list)
+    slow_tests: SlowDesign | None = None
 
     @property
     def design(self) -> Design | None:
@@ -86,16 +91,30 @@ class Signal:
             for tradeoff in self.found
         ]
         settings, motion = self.settings.scaled(1.0 / self.settings.scale), self.motion.in_unit(self.settings.scale)
-        return replace(self, settings=settings, motion=motion, designs=designs, found=tradeoffs)
+        tests = None if self.slow_tests is None else self.slow_tests.in_unit(self.settings.scale)
+        return replace(self, settings=settings, motion=motion, designs=designs, found=tradeoffs, slow_tests=tests)
 
 
-def design(data: Data, grid: Grid, keep: bool = False) -> dict[str, Signal]:
-    """Design every signal. BadInput: no signal can be designed.
+def design(data: Data, grid: Grid, keep: bool = False, slow_tests: Tests = "none") -> dict[str, Signal]:
+    """Design every signal. BadInput: no signal can be designed, or tests are asked for and no noise is stated.
 
     keep : keep flights with a channel that stands out
+    slow_tests : also design the slow-fault tests, beside the threshold that is designed, or that is kept
     """
+    if slow_tests != "none" and not data.slow_tests:
+        raise BadInput(
+            f"--slow-tests: no signal states slow_tests.noise_std, the noise of a sample; give it in CONFIG for "
+            f"{', '.join(data.signals)}"
+        )
     names, signals = list(data.signals), dict[str, Signal]()
-    work = on_threads(names, lambda name: of_signal(name, data, grid, keep), cores())
+
+    def made_of(name: str) -> Signal:
+        made = of_signal(name, data, grid, keep)
+        if slow_tests == "none" or (chosen := made.design) is None:
+            return made
+        return with_tests(name, made, data, made.settings if slow_tests == "kept" else chosen.settings(made.settings))
+
+    work = on_threads(names, made_of, cores())
     with closing(work) as results:
         for name, made in zip(names, results, strict=True):
             signals[name] = made
@@ -146,6 +165,27 @@ def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
         what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that isolate{'s' * (len(tried) == 2)} more faults"
         notes.append(f"{name}: {what} rejected: exceeded the rate on held-out flights")
     return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, tried[chosen], notes)
+
+
+def with_tests(name: str, made: Signal, data: Data, settings: RecordedSignal) -> Signal:
+    """Return a signal, in SI units, with the design of its slow-fault tests, or with a note that there is none.
+
+    settings : those of the signal beside which the tests will run
+    """
+    given = data.slow_tests.get(name)
+    if given is None:
+        why = "no slow-fault tests: CONFIG states no slow_tests.noise_std, the noise of a sample"
+        return replace(made, notes=[*made.notes, f"{name}: {why}"])
+    if why := refusal(given, settings.least_threshold, None):
+        return replace(made, notes=[*made.notes, f"{name}: no slow-fault tests: {why.removeprefix('slow_tests: ')}"])
+    left_out = {suspect.flight for suspect in made.left_out} if made.flights < len(data.signals[name]) else set()
+    flights = [flight for f, flight in enumerate(data.signals[name]) if f not in left_out]
+    channels, tests = len(flights[0].samples), bare_tests(given)
+    (params,) = parameters(settings, channels, data.rate_hz)
+    measured = [watched((four(flight.samples.T), flight.reference), params, tests) for flight in flights]
+    tested = slow_design(measured, given, (settings.threshold, channels), data.rate_hz)
+    notes = [f"{name}: {note}" for note in tested.notes]
+    return replace(made, notes=[*made.notes, *notes], slow_tests=tested)
 
 
 def exceeds(held_out: dict[int, Count] | None) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import tomli_w
@@ -16,6 +17,7 @@ from rig.core.settings import in_frames, read_toml
 from rig.core.text import plain
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
 from rig.studies.thresholds.design import FIELDS, Design
+from rig.studies.thresholds.slow_test_factors import DESIGNED
 
 PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked for is not needed to begin
 
@@ -38,8 +40,11 @@ def recorded_toml(
     referenced: Iterable[str],
     remarks: Iterable[str],
     outlier: bool = False,
+    slow_tests: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> str:
     """Return OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
+
+    slow_tests : designed keys of that table; other keys of it stay, the figures of the sensor among them
 
     Signals in ``referenced`` keep the threshold of their reference; its default is the threshold of the channels.
     """
@@ -55,6 +60,9 @@ def recorded_toml(
         new = _new(design, settings[name], outlier)
         if not outlier and name in referenced and "reference_threshold" not in before and "threshold" in before:
             new["reference_threshold"] = before["threshold"]
+        if name in slow_tests:
+            kept = {key: value for key, value in before.get("slow_tests", {}).items() if key not in DESIGNED}
+            new["slow_tests"] = {**kept, **slow_tests[name]}
         signals[name] = {**own, **new}
     tables["signal"] = signals
     return _text(tables, remarks)
@@ -65,6 +73,7 @@ def scenario_toml(
     settings: Mapping[str, RecordedSignal],
     remarks: Iterable[str],
     outlier: bool = False,
+    slow_tests: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> str:
     """Return OUT for a scenario: tables ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
@@ -73,6 +82,8 @@ def scenario_toml(
         signals[name] = _new(design, given, outlier)
         if not outlier:
             signals[name]["reference_threshold"] = given.reference_threshold or given.threshold
+        if name in slow_tests:
+            signals[name]["slow_tests"] = dict(slow_tests[name])
     return _text({"redundancy": {"signals": signals}}, remarks)
 
 

@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 from rig.core.palette import BLUE, GREEN, INK, ORANGE, SOFT, series_colour
 from rig.show.pages.page import lay_out, write_page
 from rig.studies.thresholds.design import Threshold
+from rig.studies.thresholds.slow_test_delays import DRIFT, OFFSETS
 
 _HEIGHT: Final = 340
 _WIDE: Final = 30.0  # largest over smallest size from which the axis is logarithmic
@@ -30,7 +31,10 @@ def write(path: Path, summary: dict[str, Any], chosen: Mapping[str, Threshold]) 
     for name, signal in summary["signals"].items():
         pictures = dict(_tail(signal, chosen[name], budget)) if name in chosen else {}
         figures[name] = {f"{name}: {what}": figure for what, figure in [*pictures.items(), *_tradeoff(signal)]}
-    facts = {"title": title, "rule": summary["rule"], "notes": summary["notes"]}
+    tests = {name: of["slow_tests"] for name, of in summary["signals"].items() if of["slow_tests"] is not None}
+    told = {"tests": [_tests_row(name, of, summary["signals"][name]["unit"]) for name, of in tests.items()]}
+    told |= {"sizes": [f"{size:g}" for size in OFFSETS], "drift": f"{DRIFT:g}"}
+    facts = {**told, "title": title, "rule": summary["rule"], "notes": summary["notes"]}
     rows = [_row(name, signal) for name, signal in summary["signals"].items() if signal["chosen"] is not None]
     drawn = {key: figure for of in figures.values() for key, figure in of.items()}
     write_page(
@@ -50,6 +54,23 @@ def _row(name: str, signal: dict[str, Any]) -> Design:
         "offset": _offset(design),
         "share": _share(design),
         "events": next(iter(design["levels"].values()))["clusters"],
+    }
+
+
+def _tests_row(name: str, tests: dict[str, Any], unit: str | None) -> dict[str, Any]:
+    """Return the design of a signal's slow-fault tests, as the page tells it."""
+    keys, beyond = tests["keys"], tests["held_out_beyond"]
+    margins = {key: "" if margin is None else f" x {margin:.2f}" for key, margin in tests["margin"].items()}
+    delays = [*tests["delay_s"]["offset"].values(), tests["delay_s"]["drift"]]
+    error = keys.get("reference_error")
+    smallest = tests["smallest_offset"]
+    return {
+        "signal": name,
+        "smallest": "none" if smallest is None else f"{smallest:.3f}",
+        "factors": [f"{keys[key]:.3g} ({tests['largest'][key]:.2f}{by})" for key, by in margins.items()],
+        "reference": "-" if error is None else f"{error:.3g} {unit or ''} + {keys['reference_frames']:.3g} frames",
+        "beyond": "-" if beyond is None else f"{beyond} of {tests['flights']}",
+        "delays": ["none" if delay is None else f"{delay:.2f} s" for delay in delays],
     }
 
 

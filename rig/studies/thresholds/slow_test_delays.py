@@ -1,0 +1,122 @@
+"""What each size of fault costs in delay: time until the slow-fault tests isolate one channel, from their limits.
+
+Noise is left out.  A constant offset of z units of noise moves a leaky mean over T frames to z (1 - (1 - 1/T)^n) in n
+frames.  It reaches the limit L in
+
+    n = ln(1 - L / min(z, s)) / ln(1 - 1/T),    s = L / (1 - exp(-BURST / T))
+
+frames, and never if z <= L.  s is the largest step that counts: no offset is isolated before BURST frames.
+Of the mean of squares, which begins at 1, z^2 and its own limit stand there.  The earliest of the three counts.
+The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOWS).
+A drift is learned as a bias while every share is small, so its means are moved frame by frame.
+Added: docs/explanation/decisions.md, 'Slow-fault tests'.
+"""
+
+from __future__ import annotations
+
+from math import ceil, inf, log, sqrt
+from typing import Final, NamedTuple
+
+from rig.computer.redundancy.slow_halves import LEARNING, SLOW, reached
+from rig.computer.redundancy.slow_tests import CALM, FAST, SIGMAS, SQUARE
+from rig.computer.redundancy.slow_tests_config import BIAS, SlowTests
+from rig.world.sensors.data_sheet import DataSheet
+
+OFFSETS: Final = (0.1, 0.2, 0.5, 1.0)  # thresholds
+DRIFT: Final = 0.1  # thresholds a second
+MOST_S: Final = 60.0  # of a drift
+KNOWN: Final = 2.0 * LEARNING  # frames learned: the limits are at their least
+# By channels in use: what the median follows of a small offset of one channel, and, in units of the noise, of any: of
+# 4 the mean of the middle and the largest of three normal samples, of 3 the larger of two.
+FOLLOWS: Final = {4: (0.25, 0.423), 3: (1.0 / 3.0, 0.564)}
+
+
+class Delays(NamedTuple):
+    """Delay to isolation, s, None: not isolated; of each of OFFSETS, and of a drift by DRIFT.
+
+    smallest : offset that is isolated, thresholds; None: none is
+    """
+
+    offsets: tuple[float | None, ...]
+    drift: float | None
+    smallest: float | None
+
+
+class Limits(NamedTuple):
+    """Limits of the two means in units of the noise, and of the mean of squares in units of its variance less 1."""
+
+    fast: float
+    slow: float
+    square: float
+
+
+def limits(tests: SlowTests) -> Limits:
+    """Return the limits once KNOWN frames are learned."""
+    means, squares = SIGMAS * tests.factor, SIGMAS * (tests.squares_factor or tests.factor)
+    fast, slow = (means * sqrt(0.5 / frames + 1.0 / KNOWN) for frames in (FAST, SLOW))
+    return Limits(fast, slow, squares * sqrt(1.0 / SQUARE + 2.0 / KNOWN))
+
+
+def delays(tests: SlowTests, sheet: DataSheet, threshold: float, noise: float, fitted: tuple[int, float]) -> Delays:
+    """Return the delays of a signal; of two channels there are none: halves of them need the reference.
+
+    threshold, noise : standard deviation that the channels have in common, unit of the signal
+    fitted : how many channels, and frames a second
+    """
+    channels, rate_hz = fitted
+    if channels not in FOLLOWS:
+        return Delays((None,) * len(OFFSETS), None, None)
+    at, unit = limits(tests), threshold / noise
+    offsets = [offset_frames(size * unit, at, channels) for size in OFFSETS]
+    most = round(MOST_S * rate_hz)
+    bound = BIAS * sheet.bias_tolerance / noise
+    drift = drift_frames(DRIFT * unit / rate_hz, bound, at, channels, most)
+    in_s = [None if frames is None else frames / rate_hz for frames in (*offsets, drift)]
+    return Delays(tuple(in_s[:-1]), in_s[-1], smallest(at, channels) / unit)
+
+
+def beside_median(z: float, channels: int) -> float:
+    """Return what is left of an offset ``z`` of one channel beside the median, which follows it; units of noise."""
+    share, most = FOLLOWS[channels]
+    return z - min(share * z, most)
+
+
+def smallest(at: Limits, channels: int) -> float:
+    """Return the constant offset, units of noise, above which one is isolated."""
+    share, most = FOLLOWS[channels]
+    r = min(at.fast, at.slow, sqrt(at.square))
+    return min(r / (1.0 - share), r + most)
+
+
+def offset_frames(z: float, at: Limits, channels: int) -> int | None:
+    """Return after how many frames a constant offset of ``z`` units of noise is isolated; None: it is not."""
+    r = beside_median(z, channels)
+    found = (_frames(r, at.fast, FAST), _frames(r, at.slow, SLOW), _frames(r * r, at.square, SQUARE))
+    soonest = min(found)
+    return None if soonest == inf else int(soonest)
+
+
+def _frames(constant: float, limit: float, frames: float) -> float:
+    """Return when a leaky mean of a constant, of which a largest step counts, exceeds its limit."""
+    counted = min(constant, limit / reached(frames))
+    return ceil(log(1.0 - limit / counted) / log(1.0 - 1.0 / frames)) if counted > limit else inf
+
+
+def drift_frames(rate: float, bound: float, at: Limits, channels: int, most: int) -> int | None:
+    """Return after how many frames a drift of ``rate`` units of noise a frame is isolated; None: not within ``most``.
+
+    bound : of a bias, the same units
+    """
+    fast = slow = square = bias = 0.0
+    steps = Limits(at.fast / reached(FAST), at.slow / reached(SLOW), at.square / reached(SQUARE))
+    for n in range(1, most + 1):
+        r = beside_median(rate * n - bias, channels)
+        fast += (min(r, steps.fast) - fast) / FAST
+        slow += (min(r, steps.slow) - slow) / SLOW
+        square += (min(r * r, steps.square) - square) / SQUARE
+        share = max(fast / at.fast, slow / at.slow, square / at.square)
+        if share > 1.0:
+            return n
+        if share < CALM:
+            bias = min(bias + min(r, steps.fast) / LEARNING, bound)
+    return None
