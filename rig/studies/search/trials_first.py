@@ -28,7 +28,7 @@ LEAST: Final = 8  # flights that trials choose, and a tenth of all
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """What the trials of a search found."""
+    """The finds of the trials of a search."""
 
     trials: int
     violated: int
