@@ -12,7 +12,7 @@ The forest is imported only here and late: the import takes seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ROUND: Final = 8  # draws
 ENOUGH: Final = 24  # finds that close a region
 PATIENCE: Final = 4  # rounds without a better value that close it
-EXPLORE: Final = 3  # draws of a round taken anywhere, until the region has a find
+EXPLORE: Final = 3 / 8  # of a round, taken anywhere until the region has a find
 NEAR: Final = 0.35  # radius of a region in six dimensions; it grows with the root of their number
 _APART: Final = 0.08  # between the draws of a round
 _BETTER: Final = 1e-3  # of a value, that counts
@@ -49,9 +49,18 @@ def forest_version() -> str:
     return ", ".join(f"{name} {version(name)}" for name in ("scikit-learn", "scipy"))
 
 
-def regions(arms: Sequence[Space], draws: int, seed: int, pieces: Sequence[Sequence[int]] = ()) -> Schedule:
+def regions(
+    arms: Sequence[Space],
+    draws: int,
+    seed: int,
+    *,
+    pieces: Sequence[Sequence[int]] = (),
+    starts: Sequence[Draw] = (),
+    size: int = ROUND,
+) -> Schedule:
     """Yield the next draws, a round at a time, ``draws`` in all.
 
+    starts : draws that another search recommends, made after the first ones; size : of a round
     pieces : of every arm, for each signal the places of its pieces in the point, in the order of time.  A signal is
         first drawn in 1, 2, 4, ... equal parts, and stretches of it move together.
     """
@@ -59,15 +68,17 @@ def regions(arms: Sequence[Space], draws: int, seed: int, pieces: Sequence[Seque
     flown = _Flown(arms)
     asked = [cubes.even(arm) for arm in in_turn(arms, first_count(arms, draws), seed)]
     flown.add(asked, (yield asked))
+    if asked := list(starts[: draws - len(flown)]):
+        flown.add(asked, (yield asked))
     best, waited = math.inf, 0
     while len(flown) < draws:
         while not flown.open.any() or flown.found() >= flown.enough or waited >= PATIENCE:
             flown.close()
             best, waited = math.inf, 0
-        size, found = min(ROUND, draws - len(flown)), flown.found() > 0
-        chance = 0 if found else size if flown.flat() else min(EXPLORE, size)
-        asked = _expected(flown, cubes, size - chance, rng)
-        while len(asked) < size:
+        count = min(size, draws - len(flown))
+        chance = 0 if flown.found() else count if flown.flat() else math.ceil(EXPLORE * count)
+        asked = _expected(flown, cubes, count - chance, rng)
+        while len(asked) < count:
             untried = flown.untried(asked)
             arm = untried[0] if untried else int(rng.integers(len(arms)))
             asked.append(cubes.even(arm) if len(asked) % 2 else cubes.uniform(arm, rng))
@@ -96,6 +107,22 @@ def _expected(flown: _Flown, cubes: _Cubes, count: int, rng: Generator) -> list[
         if all(np.linalg.norm(each.point - tried[i].point) > _APART for each in near):
             taken.append(tried[i])
     return taken
+
+
+def best_apart(draws: Sequence[Draw], values: Sequence[float]) -> Iterator[int]:
+    """Yield the place of the best draw of each region, the best first; no region begins within another."""
+    open_ = dict.fromkeys(sorted(range(len(draws)), key=lambda i: (values[i], i)))
+    while open_:
+        best = next(iter(open_))
+        yield best
+        for i in [i for i in open_ if within(draws[i], draws[best])]:
+            del open_[i]
+
+
+def within(draw: Draw, centre: Draw) -> bool:
+    """Return True if a draw is in the region around another."""
+    radius = NEAR * math.sqrt(len(centre.point) / 6.0)
+    return draw.arm == centre.arm and bool(np.linalg.norm(draw.point - centre.point) <= radius)
 
 
 class _Cubes:
@@ -210,7 +237,7 @@ class _Flown:
 
         learnt = self._learnt()
         y = _stretched(self.value[learnt])
-        forest = ExtraTreesRegressor(_TREES, min_samples_leaf=2, max_features=0.7, random_state=seed, n_jobs=1)
+        forest = ExtraTreesRegressor(_TREES, max_features=0.7, random_state=seed, n_jobs=1)
         forest.fit(self._encoded(self._arm[learnt], self._point[learnt]), y)
         code = self._encoded(*self._places(candidates))
         of_trees = np.array([tree.predict(code) for tree in forest.estimators_])
