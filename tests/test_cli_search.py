@@ -72,14 +72,16 @@ def test_from_nothing_to_a_scenario_that_violates(
     rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("rig.studies.search.shrink.TRIES", 2)
-    monkeypatch.setattr("rig.studies.search.run_search.SEEDS", 3)
+    monkeypatch.setattr("rig.studies.search.confirm_worst.SEEDS", 3)
+    monkeypatch.setattr("rig.studies.search.worst_cases.MOST", 1)
     arguments = ("search", space(tmp_path), "--requirement", "vote", "--flights", "36", "--bench", "--workers", "1")
     code, out, err = rig_command(*arguments, "--out", "s")
-    assert code == 0 and out.splitlines()[0].startswith("flights ") and "least robustness" in err
+    labels = [line.split()[0] for line in out.splitlines() if not line.startswith(" ")]
+    assert code == 0 and labels == ["flights", "cluster", "at", "ended", "folder"] and "least robustness" in err
     code, again, _ = rig_command(*arguments, "--out", "s", "--json")
     figures = json.loads(again)
     assert figures == json.loads((tmp_path / "s" / "search.json").read_text())
-    assert figures["violated"] > 0 and figures["scenario"] == "s/worst.toml"
+    assert figures["violated"] > 0 and figures["clusters"][0]["scenario"] == "s/worst.toml"
     code, out, _ = rig_command("fly", "s/worst.toml", "--requirements", "redundancy", "--strict", "--json")
     assert code == 1
 
@@ -90,7 +92,8 @@ def test_a_unit_is_searched_and_the_search_does_not_go_on_with_another_environme
     rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("rig.studies.search.shrink.TRIES", 2)
-    monkeypatch.setattr("rig.studies.search.run_search.SEEDS", 3)
+    monkeypatch.setattr("rig.studies.search.confirm_worst.SEEDS", 3)
+    monkeypatch.setattr("rig.studies.search.worst_cases.MOST", 1)
     tested = unit(tmp_path, "reads", environment={"VOTER": "a"})  # it votes channel 1, which has the fault
     asked = ("--requirement", "vote", "--flights", "36", "--workers", "1", "--unit", tested.unit_file)
     code, out, err = rig_command("search", space(tmp_path), *asked, "--out", "s", "--json")

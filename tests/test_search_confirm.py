@@ -1,20 +1,22 @@
-"""What becomes of the least robustness: candidates apart, the worst by violations, made simple while it violates."""
+"""What a draw is worth, and what becomes of a find: the worst by violations, made simple while it violates."""
 
 import json
 from collections.abc import Sequence
 
-import numpy as np
 import pytest
 from scipy.stats import binom
 
 from rig.core.errors import BadInput
 from rig.studies.campaign.statistics import at_most
-from rig.studies.search.confirm_worst import Confirmed, Table, confirm, least_apart, worst
-from rig.studies.search.objective import NONE, VOTE, Measured, chosen, measured
-from rig.studies.search.rounds import Draw
+from rig.studies.search.confirm_worst import Confirmed, Table, confirm, worst
+from rig.studies.search.objective import NONE, STEEPEST, VOTE, Measured, chosen, measured, slope_of
 from rig.studies.search.shrink import BACK, MOST, TRIES, shrink, simplest
+from rig.verdict.requirements.requirement import Requirement, find_requirements, load_requirements, names
 
 SEEDS = (11, 12, 13, 14, 15)
+
+
+FLAT = STEEPEST  # of a requirement without a slope
 
 
 def row(robustness: float | None, status: str, vote: float = 0.5, **others: float) -> dict[str, object]:
@@ -25,13 +27,13 @@ def row(robustness: float | None, status: str, vote: float = 0.5, **others: floa
 
 def test_the_least_requirement_counts_and_the_vote_settles_ties():
     both = row(-1.0, "violated", 0.4, b=2.0)
-    assert measured([both], ["a", "b"]) == Measured(-1.0, 0.4, True, ("a",))
+    assert measured([both], ["a", "b"]) == Measured(-1.0, 0.4 + FLAT, True, ("a",))
     closer, farther = measured([row(1.0, "met", 0.1)], ["a"]), measured([row(1.0, "met", 0.9)], ["a"])
     assert closer.value < farther.value < measured([row(1.001, "met", -1.0)], ["a"]).value
 
 
 def test_a_flight_that_tells_nothing_is_never_the_worst():
-    assert measured([{"outcome": "crashed"}], ["a"]) == Measured(NONE, NONE, False)
+    assert measured([{"outcome": "crashed"}], ["a"]) == Measured(NONE, NONE + FLAT, False)
     assert measured([row(None, "not applicable")], ["a"]).robustness == NONE
 
 
@@ -41,21 +43,46 @@ def test_against_another_setting_the_difference_counts_and_the_other_must_meet()
     assert not measured([row(-2.0, "violated"), row(-0.5, "violated")], ["a"]).violated
 
 
+def formula_of_slope(formula: str, at: str = "start") -> str | None:
+    slope = slope_of(Requirement.model_validate({"id": "x", "at": at, "formula": formula}))
+    return None if slope is None else slope.formula
+
+
+def test_a_yes_or_no_gets_the_slope_of_its_persistence_count_and_of_the_way_to_the_limits():
+    each = "always[0, 20] not failed.{signal}.{channel}"
+    assert formula_of_slope(each) == "always[0, 20] not (count.{signal}.{channel} >= 1)"
+    assert formula_of_slope("always[0, 5] not lost") == "always[0, 5] not (departure < 0)"
+    in_use = "min(level.heading, 4 - count.heading.1 - count.heading.2 - count.heading.3 - count.heading.4)"
+    assert formula_of_slope("state(level.heading >= 1)") == f"({in_use} >= 1)"
+    assert "count.{signal}.2" in str(formula_of_slope("not healthy.{signal}.1", at="each loss"))
+
+
+@pytest.mark.parametrize("formula", ["not baseline.failed.heading.1", "healthy.heading.2"])
+def test_what_has_no_persistence_has_no_slope(formula: str):
+    assert formula_of_slope(formula) is None
+
+
+def test_the_bundled_requirements_with_numbers_need_no_slope():
+    with_numbers = load_requirements([*map(find_requirements, names())])
+    assert [each.id for each in with_numbers if slope_of(each) is not None] == ["fail_operational"]
+
+
+def test_a_formula_that_is_too_long_with_its_slope_has_none():
+    long = " and ".join(f"not failed.heading.{1 + i % 4}" for i in range(60))
+    assert formula_of_slope(long) is None
+
+
+def test_a_slope_settles_what_the_vote_does_not_and_never_the_verdict():
+    near, far = (measured([row(1.0, "met", 0.5, **{"a-slope-of-search": s})], ["a"]) for s in (0.1, 0.9))
+    assert near.value < far.value and not near.violated
+    violated = measured([row(1.0, "met", 0.5, **{"a-slope-of-search": -0.1})], ["a"])
+    assert not violated.violated and violated.robustness == 1.0
+
+
 def test_an_unknown_requirement_is_refused_with_the_nearest():
     with pytest.raises(BadInput, match=r"--requirement 'vot': unknown.*vote"):
         chosen(["vot"])
     assert [each.id for each in chosen(["vote", "vote"])] == ["vote"]
-
-
-def test_candidates_are_apart_or_of_other_arms():
-    points = [0.50, 0.51, 0.65, 0.505, 0.1]
-    draws = [Draw(int(i == 3), np.array([share, 0.5])) for i, share in enumerate(points)]
-    assert least_apart(draws, [1.0, 0.0, 2.0, 3.0, 4.0]) == [1, 2, 3, 4]
-
-
-def test_at_most_five_candidates():
-    draws = [Draw(i, np.array([0.5])) for i in range(9)]
-    assert least_apart(draws, list(range(9, 0, -1))) == [8, 7, 6, 5, 4]
 
 
 def test_most_violations_are_worst_then_the_least_median_margin():
@@ -116,8 +143,19 @@ def test_a_confirmed_scenario_has_its_seeds():
 
 def test_a_step_that_holds_by_luck_is_undone_on_other_seeds():
     lucky = table(turbulence="none", faults=[])
-    assert simplest([table(), lucky], SEEDS, Fly(MOST)).table == table()
-    assert simplest([table(), lucky], SEEDS, Fly(MOST - 1)).violations == MOST - 1
-    fly = Fly(MOST)
-    simplest([table(), *[lucky] * BACK], SEEDS, fly)
-    assert fly.flights == BACK * len(SEEDS)
+    held = table(turbulence="none")
+    assert simplest([table(), held, lucky], SEEDS, Fly(MOST)) == held
+    fly = Fly(MOST - 1)
+    assert simplest([table(), *[held] * (BACK + 1)], SEEDS, fly) == table() and fly.flights == BACK * len(SEEDS)
+
+
+def test_no_fault_at_all_is_tried_first():
+    always = lambda tables: [Measured(-1.0, 0.0, True) for _ in tables]  # noqa: E731
+    assert shrink(table(), SEEDS, always)[1] == table(faults=[])
+
+
+def test_no_more_seeds_are_flown_than_a_step_takes():
+    fly = Fly(0)
+    shrink(table(), SEEDS, fly)
+    tried = fly.flights // MOST
+    assert fly.flights == tried * MOST and 5 < tried <= TRIES

@@ -12,14 +12,16 @@ import polars as pl
 import pytest
 
 from rig.core.errors import BadInput
+from rig.core.outputs import BESIDE_RUNS
 from rig.core.progress import listening
 from rig.scenario.scenario import load
 from rig.studies.campaign import tables as table
 from rig.studies.campaign.campaign_file import from_what
 from rig.studies.campaign.folder import Folder, open_folder
 from rig.studies.campaign.run_campaign import again
-from rig.studies.search import run_search as running
+from rig.studies.search import confirm_worst as confirming
 from rig.studies.search import shrink as shrinking
+from rig.studies.search import worst_cases as cases
 from rig.studies.search.objective import chosen
 from rig.studies.search.run_search import Ended, run
 from rig.studies.search.search_plan import Asked, SearchPlan
@@ -51,8 +53,10 @@ def plan(flights: int = 44, formula: str = "", **asked: Any) -> SearchPlan:
 @pytest.fixture(autouse=True, scope="module")
 def _few_confirming() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "SEEDS", 3)
+        patch.setattr(confirming, "SEEDS", 3)
         patch.setattr(shrinking, "TRIES", 4)
+        patch.setattr(cases, "UNDO_SEEDS", 3)
+        patch.setattr(cases, "MOST", 2)
         yield
 
 
@@ -71,21 +75,23 @@ def cut(whole: Path, out: Path, parts: int) -> Path:
     shutil.rmtree(out / "confirmed")
     for path in sorted((out / "runs").iterdir())[parts:]:
         path.unlink()
-    for name in ("search.json", "search.html", "worst.toml"):
-        (out / name).unlink()
+    for name in BESIDE_RUNS:
+        (out / name).unlink(missing_ok=True)
     return out
 
 
 def content(out: Path) -> tuple[Any, ...]:
     figures = json.loads((out / "search.json").read_text())
     confirmed = sorted(path.name for path in (out / "confirmed" / "runs").iterdir())
-    return {**figures, "scenario": None}, (out / "worst.toml").read_text(), len(confirmed) > 0
+    clusters = [{**each, "scenario": Path(each["scenario"]).name} for each in figures["clusters"]]
+    texts = [path.read_text() for path in sorted(out.glob("worst*.toml"))]
+    return {**figures, "clusters": clusters}, texts, len(confirmed) > 0
 
 
 def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     figures, at_random = whole[1].figures, whole[1].figures["random"]
     assert set(figures) == {
-        *("flights", "violated", "random", "robustness", "worst", "scenario", "confirmed", "violating", "left_out")
+        *("flights", "violated", "random", "robustness", "clusters_found", "clusters", "left_out", "ended")
     }
     assert 24 < figures["flights"] == whole[1].flights <= 44 and at_random["flights"] == 24
     assert figures["violated"] >= at_random["violated"] and figures["robustness"] < 0.0
@@ -93,19 +99,36 @@ def test_a_search_tells_what_it_found(whole: tuple[Path, Ended]):
     told = [{one["requirement"]: one["status"] for one in json.loads(each)} for each in runs["requirements"]]
     assert figures["violated"] == sum(of_flight["vote"] == "violated" for of_flight in told) > 0
     assert figures["robustness"] == min(map(robustness, runs["requirements"]))
-    assert figures["worst"]["arm"] == "alike" and figures["confirmed"][0] >= 2
+
+
+def test_a_cluster_has_its_faults_its_ranges_and_its_share(whole: tuple[Path, Ended]):
+    figures, runs = whole[1].figures, open_folder(whole[0]).tables["runs"]
+    first, told = figures["clusters"][0], figures["clusters"]
+    assert 1 <= len(told) <= 2 <= figures["clusters_found"] + 1 and sum(each["flights"] for each in told) > 2
+    assert first["arm"] == "alike" and first["confirmed"][0] >= 2 and first["confirmed"][1] == 3
+    assert first["faults"] == [f"offset: pitch_rate, channel {c}" for c in (1, 2)]
+    low, high = first["interval"]
+    share = first["confirmed"][0] / 3
+    assert 0.0 < low < share <= high
+    assert set(first["ranges"]) == set(VARY)
+    worst = runs.filter(pl.col("run") == first["run"]).to_dicts()[0]
+    for key, (least, most) in first["ranges"].items():
+        assert VARY[key]["low"] <= least <= worst[key] <= most <= VARY[key]["high"]
+    assert first["scenario"] == str(whole[0] / "worst.toml") and first["smallest"]["confirmed"][1] == 3
 
 
 def test_the_page_of_a_search_shows_the_worst_flight(whole: tuple[Path, Ended]):
     text = (whole[0] / "search.html").read_text()
     drawn = json.loads(text.split('id="figures">')[1].split("</script>")[0])
-    assert list(drawn) == ["robustness", "moment-pitch_rate", "votes"] and "Plotly.react" in text
-    number = whole[1].figures["worst"]["run"]
-    (note,) = [each for each in drawn["robustness"]["layout"]["annotations"] if each["text"] == "worst case"]
+    clusters = whole[1].figures["clusters"]
+    assert list(drawn)[:3] == ["robustness", "1-moment-pitch_rate", "1-votes"] and "Plotly.react" in text
+    assert all(f"{i}-votes" in drawn and f"Cluster {i}: " in text for i in range(1, len(clusters) + 1))
+    number = clusters[0]["run"]
+    (note,) = [each for each in drawn["robustness"]["layout"]["annotations"] if each["text"] == "1"]
     least = robustness(open_folder(whole[0]).tables["runs"].filter(pl.col("run") == number)["requirements"][0])
     assert (note["x"], note["y"]) == (number + 1, pytest.approx(least))
-    assert f"--run {number}</code>" in text and "The outcome of this flight: " in text
-    (error,) = [each for each in drawn["votes"]["data"] if each["name"].startswith("pitch_rate")]
+    assert f"rig fly {clusters[0]['scenario']}</code>" in text and "The search ended because" in text
+    (error,) = [each for each in drawn["1-votes"]["data"] if each["name"].startswith("pitch_rate")]
     off = np.frombuffer(base64.b64decode(error["y"]["bdata"]), error["y"]["dtype"])
     assert np.abs(off).max() > 1.0  # the vote is wrong, which is what was searched
 
@@ -129,7 +152,7 @@ def _confirmed(folder: Path) -> dict[str, Any]:
 
 def test_an_interruption_while_it_confirms_costs_no_flight(whole: tuple[Path, Ended], tmp_path: Path):
     def interrupt(what: str, done: int, total: int) -> None:
-        if what == "shrinking":
+        if what.startswith("shrinking"):
             raise KeyboardInterrupt
 
     out = tmp_path / "cut"
@@ -147,12 +170,13 @@ def test_the_find_violates_when_it_is_flown_from_its_file(whole: tuple[Path, End
     scenario = load(whole[0] / "worst.toml")
     verdict = fly_requirements(scenario, chosen(["vote"]))[0]
     assert verdict.status == "violated" and scenario.requirements == ["redundancy"]
-    assert f"vote violated in {whole[1].figures['confirmed'][0]} of 3 seeds" in scenario.title
+    confirmed = whole[1].figures["clusters"][0]["smallest"]["confirmed"]
+    assert f"vote violated in {confirmed[0]} of 3 seeds" in scenario.title
 
 
 def test_the_runs_of_a_search_are_flown_again_as_those_of_a_campaign(whole: tuple[Path, Ended], tmp_path: Path):
     folder = open_folder(whole[0])
-    number = whole[1].figures["worst"]["run"]
+    number = whole[1].figures["clusters"][0]["run"]
     flight, digest = again(folder, number, tmp_path)
     assert flight.digest == digest and number > 0
     assert folder.status()["done"] == whole[1].flights and folder.status()["table_sha256"] == whole[1].table_sha256
@@ -191,8 +215,9 @@ def test_a_key_of_against_that_is_none_is_refused(tmp_path: Path):
 
 def test_open_loop_trials_find_what_flies(tmp_path: Path):
     ended = run(plan(bench=True), tmp_path / "s", workers=1)
-    assert ended.figures["robustness"] < 0.0 and ended.figures["worst"]["arm"] == "alike"
-    assert ended.figures["confirmed"][0] >= 2  # of flights
+    first = ended.figures["clusters"][0]
+    assert ended.figures["robustness"] < 0.0 and first["arm"] == "alike"
+    assert first["confirmed"][0] >= 2  # of flights
     with pytest.raises(BadInput, match="open-loop trials"):
         open_folder(tmp_path / "s")
 
@@ -246,9 +271,10 @@ def test_a_requirement_that_every_flight_violates_does_not_hide_another(tmp_path
     searched = SearchPlan(from_what(data, "c.toml"), "c.toml", Asked(tuple(e.id for e in asked), 30), asked)
     figures = run(searched, tmp_path / "s", workers=1).figures
     assert figures["left_out"] == ["always"] and figures["violated"] < figures["flights"]
-    assert figures["violating"] == {"vote": figures["confirmed"][0]}
+    smallest = figures["clusters"][0]["smallest"]
+    assert smallest["violating"] == {"vote": smallest["confirmed"][0]}
     text = (tmp_path / "s" / "worst.toml").read_text()
-    assert f"vote violated in {figures['confirmed'][0]} of 3 seeds" in text and "always" not in text.split("\n")[3]
+    assert f"vote violated in {smallest['confirmed'][0]} of 3 seeds" in text and "always" not in text.split("\n")[3]
     assert "always:" not in text and "never" not in text
 
 

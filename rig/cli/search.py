@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from rig.cli import complete
 from rig.cli.common import (
@@ -24,7 +24,7 @@ from rig.cli.common import (
     resumes,
     takes_options,
 )
-from rig.cli.printing import field, line
+from rig.cli.printing import field
 from rig.cli.working import working
 from rig.core.errors import BadInput
 
@@ -76,7 +76,7 @@ class SearchOptions:
 
 @takes_options
 def search(options: SearchOptions) -> None:
-    """Find the flight that violates a requirement most, confirm it on new seeds, and minimise its scenario."""
+    """Find clusters of flights that violate a requirement, confirm them on new seeds, and minimise their scenarios."""
     from rig.studies.campaign.pool import get_ready
 
     if options.scheduler is None:
@@ -122,28 +122,49 @@ def _trials(f: dict[str, int]) -> str:
 
 
 def _show(ended: Ended, out: Path) -> None:
-    """Print the worst case, its confidence, and its files."""
+    """Print the clusters with their confidence and files, then what random flights found."""
     f = ended.figures
-    drawn, worst, (violate, seeds) = f["random"], f["worst"], f["confirmed"]
+    drawn, told = f["random"], len(f["clusters"])
     hides = "every random flight violates it, so that it would hide the others"
-    violated = ", ".join(f"{name} in {count}" for name, count in f["violating"].items())
+    several = f", in {f['clusters_found']} cluster{'s' if f['clusters_found'] > 1 else ''}" if told else ""
+    more = f", {told} of them below" if f["clusters_found"] > told else ""
+    lowest = f"lowest robustness {_shown(f['robustness'])}"
+    field("flights", f"{f['flights']}, {f['violated']} violate{several}{more}; {lowest}", width=_WIDTH)
+    for number, each in enumerate(f["clusters"], 1):
+        _show_cluster(f"cluster {number}", each)
     lines = [
-        ("flights", f"{f['flights']}, {f['violated']} violate; lowest robustness {_shown(f['robustness'])}"),
         (
             "at random",
             f"{drawn['violated']} of {drawn['flights']} flights violate; violation rate at most "
             f"{100 * drawn['upper_95']:.3g} % (95 % upper bound)",
         ),
         *([("trials", _trials(f["trials"]))] if "trials" in f else []),
-        (
-            "worst",
-            f"run {worst['run']}, {worst['arm']}: {worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"
-            f", median robustness {_shown(worst['median_robustness'])}",
-        ),
+        ("ended", f["ended"]),
         *(("left out", f"{name}: {hides}") for name in f["left_out"]),
-        *([("violated", f"{violated} of {seeds} other seeds")] if f["scenario"] else []),
-        ("minimal", f"{f['scenario']}: {violate} of {seeds} other seeds violate" if f["scenario"] else ""),
         ("folder", f"{out}, table {ended.table_sha256}, {ended.wall_s:.1f} s"),
     ]
     for label, text in lines:
-        field(label, text, width=_WIDTH) if text else line("no flight with a new seed violates: no scenario is written")
+        field(label, text, width=_WIDTH)
+
+
+def _show_cluster(label: str, each: dict[str, Any]) -> None:
+    """Print a cluster: where, how sure, the ranges of its numbers, the smallest scenario and its file."""
+    smallest = each["smallest"]
+    faults, flights = "; ".join(smallest["faults"]) or "no fault", each["flights"]
+    texts = [
+        f"{each['arm']} ({'; '.join(each['faults']) or 'no fault'})",
+        f"{flights} flight{'s' if flights > 1 else ''}, lowest robustness {_shown(each['robustness'])}; "
+        f"run {each['run']}: {_share(each)}",
+        "; ".join(f"{key} {text}" for key, text in each["ranges_shown"].items()),
+        f"smallest: {faults}: {_share(smallest)}",
+        each["scenario"] or "no new seed violates: no scenario is written",
+    ]
+    for text in texts:
+        field(label, text, width=_WIDTH)
+        label = ""
+
+
+def _share(of: dict[str, Any]) -> str:
+    """Return how many new seeds violate, with the interval."""
+    low, high = (100.0 * end for end in of["interval"])
+    return f"{of['confirmed'][0]} of {of['confirmed'][1]} new seeds violate ({low:.3g} to {high:.3g} %)"

@@ -15,7 +15,8 @@ from rig.core.files import is_file, is_folder, reported
 
 CAMPAIGN: Final = "campaign.json"  # marks the folder of a campaign
 UNTIL: Final = "until.json"  # beside it: when the campaign stops
-BESIDE_RUNS: Final = ("search.json", "worst.toml", "search.html")  # that a search writes into it
+_WORST: Final = ("worst.toml", *(f"worst_{i}.toml" for i in range(2, 6)))  # a scenario of each cluster
+BESIDE_RUNS: Final = ("search.json", "search.html", *_WORST)  # that a search writes into it
 TRIALS: Final = "trials.json"  # and that of trials
 BENCHMARK: Final = "benchmark.json"  # and that of a benchmark
 CUTSETS: Final = "cutsets.json"  # and that of cut sets,
@@ -23,7 +24,7 @@ SETS: Final = "sets.json"  # which holds the minimal ones
 CONFIRMED: Final = "confirmed.json"  # and how they were flown again
 _OWN: Final = {  # files that belong to such a folder, by their path in it
     CAMPAIGN: re.compile(
-        r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|(search|until)\.json|worst\.toml"
+        r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|(search|until)\.json|worst(_\d)?\.toml"
     ),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),

@@ -32,7 +32,7 @@ from rig.studies.search.confirm_worst import new_seeds
 from rig.studies.search.objective import Measured
 from rig.studies.search.search_result import write_scenario
 from rig.studies.search.shrink import SEEDS as FEW
-from rig.studies.search.shrink import shrink, simplest
+from rig.studies.search.shrink import UNDO_SEEDS, shrink, simplest
 from rig.verdict.requirements.measure import check_rows
 
 MANAGERS: Final = ("cross-channel", "median", "mean")
@@ -86,13 +86,15 @@ def simplify(found: dict[str, Any]) -> str:
     cell = tuple(found[key] for key in ("manager", "aircraft", "signal", "faults"))
     plan = plan_of(space(*cell), found["trials"])
     first = found["trials"] + SEEDS
-    few, many = new_seeds(plan.campaign, first, FEW), new_seeds(plan.campaign, first + FEW, confirm.SEEDS)
+    few, others = new_seeds(plan.campaign, first, FEW), new_seeds(plan.campaign, first + FEW, UNDO_SEEDS)
+    many = new_seeds(plan.campaign, first + FEW + UNDO_SEEDS, confirm.SEEDS)
 
     def flights(tables: Sequence[dict[str, Any]]) -> list[Measured]:
         flown = [_flown(table, table["seed"], plan.requirements) for table in tables]
         return [Measured(found, 0.0, violates) for found, violates, _ in flown]
 
-    simple = simplest(shrink(found["table"], few, flights), many, flights)
+    small = simplest(shrink(found["table"], few, flights), others, flights)
+    simple = confirm.confirm([small], many, flights)[0]
     path = ROOT / "faults" / "worst" / f"{name_of(found)}.toml"
     path.parent.mkdir(exist_ok=True)
     write_scenario(path, plan, simple)

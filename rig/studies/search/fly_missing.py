@@ -23,13 +23,12 @@ from rig.studies.campaign.pool import Pool
 from rig.studies.campaign.run_campaign import Batch, Flying, Progress, orders_of
 from rig.studies.campaign.tables import Rows
 from rig.studies.campaign.worker import fly_batch
-from rig.studies.search.confirm_worst import SEEDS, new_seeds
+from rig.studies.search.confirm_worst import new_seeds
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
-from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.unit.unit_file import Unit
 from rig.verdict.requirements.robustness import robustness_text
 
-_LATER: Final = 2 * SEEDS + SHRINK_SEEDS  # seeds that confirming and shrinking take
+OF_HEALTHY: Final = 1  # seeds after those of the search, of the flights without faults
 
 
 class Interrupted(Exception):
@@ -132,7 +131,7 @@ def refuse_violated(plan: SearchPlan, out: Path, pool: Pool, stop: Stop, unit: U
 
 def _cases(plan: SearchPlan) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the name and scenario of each arm's first draw without its faults, all with one new seed."""
-    seed = new_seeds(plan.campaign, len(plan) + _LATER, 1)[0]
+    seed = new_seeds(plan.campaign, len(plan), OF_HEALTHY)[0]
     there: set[str] = set()
     arms: set[int] = set()
     for i, draw in enumerate(plan.draws):

@@ -1,8 +1,8 @@
-"""One search in a folder: draw, fly the missing flights, evaluate; then confirm the worst case and shrink it.
+"""One search in a folder: draw, fly the missing flights, evaluate; then the worst case of each cluster of finds.
 
     campaign.json, runs/, ...   the folder of a campaign: all flights of the search
     confirmed/                  another: flights on new seeds, of the candidates and of the shrunk scenarios
-    worst.toml, search.html     the scenario, the page; search.json  the figures
+    worst.toml, worst_2.toml    the scenarios; search.html  the page; search.json  the figures
 
 The flights depend only on campaign, requirements, options and seed; a resumed search reads the existing table.
 """
@@ -13,6 +13,7 @@ import json
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
@@ -26,19 +27,20 @@ from rig.scenario.overrides import parse_set, set_key
 from rig.studies.campaign import tables as table
 from rig.studies.campaign.folder import not_flown
 from rig.studies.campaign.run_campaign import Ending, pool_of
+from rig.studies.campaign.sampling import seed_of
 from rig.studies.campaign.study_folder import write_whole
 from rig.studies.campaign.worker import fly_batch
 from rig.studies.search import open_loop as bench
 from rig.studies.search import picture
 from rig.studies.search import search_result as result
-from rig.studies.search.confirm_worst import SEEDS, Confirmed, Fly, Table, confirm, least_apart, new_seeds, worst
-from rig.studies.search.fly_missing import Flown, Interrupted, flown, refuse_violated, require_known
+from rig.studies.search.clusters import clusters
+from rig.studies.search.confirm_worst import Fly, Table
+from rig.studies.search.fly_missing import OF_HEALTHY, Flown, Interrupted, flown, refuse_violated, require_known
 from rig.studies.search.objective import Measured, deciding, measured
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
-from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
-from rig.studies.search.shrink import shrink, simplest
 from rig.studies.search.trials_first import trial_plan, tried
-from rig.studies.search.worst_flight import decision
+from rig.studies.search.worst_cases import worst_cases
+from rig.studies.search.worst_flight import worst_flights
 from rig.unit.unit_file import Unit
 from rig.verdict.requirements.robustness import robustness_text
 
@@ -91,7 +93,7 @@ def run(
                     found = _searched(plan, flights, stop)
                     # in open loop or not
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop, unit) as others:
-                        figures = _finished(plan, found, others, out)
+                        figures = _finished(plan, found, others, out, unit)
                 kill = stop.insisted
                 tables = flights.folder.tables
             runs, took_s = tables["runs"], perf_counter() - began
@@ -141,32 +143,21 @@ def _searched(plan: SearchPlan, flights: Flown, stop: Stop) -> _Found:
             return _Found(ids, results, trials.agreement(results[plan.random :]) if trials else {})
 
 
-def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
-    """Confirm, shrink, write scenario and page; return the figures."""
-    tell("confirming on new seeds")
+def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path, unit: Unit | None) -> dict[str, Any]:
+    """Confirm and shrink the worst case of each cluster, write scenarios and page; return the figures."""
     fly, found = _flying(plan, others, searched.ids), searched.results
-    places = least_apart(plan.draws, [each.value for each in found])
-    first = len(plan)
-    seeds = new_seeds(plan.campaign, first, SEEDS)
-    candidates = confirm([plan.data(i * plan.of_one_draw) for i in places], seeds, fly)
-    chosen = worst(candidates)
-    shrunk: Confirmed = chosen
-    if chosen.violations:
-        tell("shrinking")
-        few = new_seeds(plan.campaign, first + SEEDS, SHRINK_SEEDS)
-        kept = shrink(chosen.table, few, fly)
-        last = new_seeds(plan.campaign, first + SEEDS + SHRINK_SEEDS, SEEDS)
-        shrunk = simplest(kept, last, fly)
-    figures = result.figures(plan, found, places, candidates, chosen, shrunk, out)
-    figures["left_out"] = [each for each in plan.asked.requirements if each not in searched.ids]
+    groups = clusters(plan.draws, [each.value for each in found], [each.violated for each in found])
+    seeds = (seed_of(plan.campaign, number) for number in count(len(plan) + OF_HEALTHY))
+    cases = worst_cases(groups, plan.draws, lambda place: plan.data(place * plan.of_one_draw), seeds, fly)
+    figures = result.figures(plan, found, searched.ids, len(groups), cases, out)
     if searched.trials:
         figures["trials"] = searched.trials
-    if shrunk.violations:
-        result.write_scenario(out / result.SCENARIO, plan, shrunk)
-    tell("drawing the worst flight")
+    for each, name in zip(cases, result.SCENARIOS, strict=False):
+        if each.kept.violations:
+            result.write_scenario(out / name, plan, each.kept)
+    tell("drawing the worst flights")
     write_whole(out / result.FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
-    drawn = decision(plan, figures["worst"]["run"])
-    picture.write(out / result.PICTURE, plan, found, figures, shrunk.table, drawn)
+    picture.write(out / result.PICTURE, plan, found, figures, worst_flights(plan, found, cases, unit))
     return figures
 
 

@@ -14,7 +14,7 @@ from rig.studies.campaign.campaign_file import Campaign
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.searched import types_of
 from rig.studies.search.cma_es import cma
-from rig.studies.search.objective import VOTE
+from rig.studies.search.objective import beside
 from rig.studies.search.regions import forest_version, regions
 from rig.studies.search.rounds import Draw, Method, Schedule, at_random
 from rig.studies.search.space import arms
@@ -57,9 +57,9 @@ class SearchPlan(Plan):
     ) -> None:
         """Raise BadInput for a space without a number, or a key of ``against`` that varies.
 
-        requirements : those asked for; VOTE is also measured
+        requirements : those asked for; what settles ties is also measured
         """
-        tables = [each.model_dump(exclude_none=True) for each in (*requirements, VOTE)]
+        tables = [each.model_dump(exclude_none=True) for each in (*requirements, *beside(requirements))]
         own = {"sampling": "random", "runs": asked.flights, "seed": asked.seed, "requirements": tables}
         drawn = campaign.model_copy(update=own)
         super().__init__(drawn, source, trust)
