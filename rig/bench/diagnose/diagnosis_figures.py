@@ -72,7 +72,7 @@ def signal_figures(
         _line(figure, f"channel {c}", extremes(shown.compared_s, column, count, ends), ends, zero_s, c - 1)
     figure.add_hrect(-1, 1, fillcolor=faint(SOFT, 0.15), line_width=0, layer="below")
     _marks(figure, one)
-    lay_out(figure, f"{name}: differences of means of 0.5 s, in thresholds", _HEIGHT)
+    lay_out(figure, f"{name}: differences, in thresholds", _HEIGHT)
     figure.update_xaxes(title="s after the first row")
     figure.update_yaxes(title="thresholds")
     yield f"{name}: differences", figure

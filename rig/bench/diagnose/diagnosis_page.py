@@ -26,6 +26,8 @@ def write(path: Path, found: Diagnosis) -> None:
                 drawn = dict(signal_figures(signal, verdict, a, one.shown, points(lines), found.zero_s))
                 figures |= drawn
                 pairs.append(list(drawn))
-        quantities.append({"name": name, "text": paragraph(one, found.zero_s), "pairs": pairs})
+        quantities.append(
+            {"name": name, "text": paragraph(one, found.zero_s).removeprefix(f"{name}: "), "pairs": pairs}
+        )
     facts = {key: summary[key] for key in ("file", "title", "remarks", "warnings", "not_compared", "injected")}
     write_page(path, "diagnosis.html", figures, {}, quantities=quantities, threshold_of=found.threshold_of, **facts)

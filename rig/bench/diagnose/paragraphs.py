@@ -93,8 +93,8 @@ def _healthy(signals: dict[str, SignalDiagnosis]) -> Iterator[str]:
     smallest = ", ".join(f"{s.smallest_told:.3g}" for s in signals.values() if s.smallest_told is not None)
     yield (
         f"No channel departs on {on}: the largest sustained difference is {one.difference or 0.0:.3g}{unit} "
-        f"({one.in_thresholds or 0.0:.2g} thresholds, on {worst}); {smallest}{unit} would have counted. "
-        "This is a bound on one log, not a rate."
+        f"({one.in_thresholds or 0.0:.2g} thresholds, on {worst}); differences above {smallest}{unit} would have "
+        "counted. This is a bound on one log, not a rate."
     )
     flown = [(name, i) for name, s in signals.items() if s.in_flight for i in s.in_flight.isolations]
     if flown:

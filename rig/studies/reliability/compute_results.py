@@ -71,7 +71,7 @@ def assumptions(rates: Rates, name: str, results: Sequence[Result]) -> list[str]
         _manoeuvres(given),
         f"the result covers one signal, {name}; software, power and wiring are not included",
         "aircraft, flight points, manoeuvres and fault sizes are those of the campaign",
-        "announced faults are repaired before the next flight; unannounced faults remain until a full check",
+        "detected faults are repaired before the next flight; undetected faults remain until a full check",
     ]
     lines += [f"layer {layer.name}: coverages are given, not measured ({layer.source})" for layer in rates.layers]
     for manager in dict.fromkeys(result.manager for result in results):
