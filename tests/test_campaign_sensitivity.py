@@ -1,4 +1,4 @@
-"""What drives a result: known functions, another implementation, a constructed campaign, and what has no answer."""
+"""Sensitivity of a result: known functions, another implementation, a constructed campaign, and what has no answer."""
 
 import json
 from itertools import product
@@ -130,7 +130,9 @@ def test_what_a_campaign_varied_is_ranked(tmp_path: Path, rig_command: Any):
     assert len(bars(found).data) == 2
     code, out, _ = rig_command("campaign", "sensitivity", str(folder.path), "--of", "delay_s", "--json")
     page = folder.path / "sensitivity.html"
-    assert code == 0 and json.loads(out) == {"report": str(page), **found} and "What drives delay_s" in page.read_text()
+    assert (
+        code == 0 and json.loads(out) == {"report": str(page), **found} and "Sensitivity of delay_s" in page.read_text()
+    )
 
 
 def test_flights_without_the_output_are_left_out_and_counted(tmp_path: Path, rig_command: Any):

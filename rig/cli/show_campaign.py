@@ -217,7 +217,7 @@ def sensitivity(found: dict[str, Any], target: Path) -> None:
     """Print the ranked inputs, the flights and inputs that are left out, and the file of the page."""
     from rig.studies.campaign.drivers import COLUMNS
 
-    line((f"what drives {found['of']}", "bold"), f"  {found['rows']} of {found['flights']} flights")
+    line((f"sensitivity of {found['of']}", "bold"), f"  {found['rows']} of {found['flights']} flights")
     if found["left_out"]:
         line(f"left out: {found['left_out']} flights without {found['of']}")
     if found["left_out_inputs"]:

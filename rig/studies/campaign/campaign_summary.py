@@ -83,7 +83,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         ),
     ),
     "until": (
-        *(Column("group", type=str, empty="all"), Column("proportion", lambda row: row, SHARE)),
+        *(Column("group", lambda row: row["group"] or "all", type=str), Column("proportion", lambda row: row, SHARE)),
         *(Column("half-width", "half_width", ".4f"), Column("known", lambda row: "yes" if row["known"] else "no")),
     ),
     "requirements": (

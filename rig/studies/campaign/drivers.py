@@ -1,4 +1,4 @@
-"""What drives a result of a campaign: the sensitivity of a column of its tables to every key that it varied."""
+"""The sensitivity of a result of a campaign, a column of its tables, to every key that the campaign varied."""
 
 from __future__ import annotations
 

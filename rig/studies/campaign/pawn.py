@@ -1,8 +1,8 @@
-"""Which inputs of given data drive an output: PAWN indices with intervals, and what pure noise would reach.
+"""PAWN indices: the effect of each input of given data on an output, with intervals and the level of pure noise.
 
 The index of an input is the median, over groups of rows in which the input is about the same, of the distance
 (Kolmogorov and Smirnov) between the distribution of the output in the group and in all rows: 0 to 1.  It needs no
-design of its own, takes outputs of two values, counts and long tails, and inputs that are names.  The groups of a
+special design, takes outputs of two values, counts and long tails, and inputs that are names.  The groups of a
 number are slices with about the same number of rows, those of names and of few numbers their levels.
 
 Sources: Pianosi and Wagener, Environmental Modelling & Software 67 (2015) 1-11 and 108 (2018) 197-207.  SALib's PAWN

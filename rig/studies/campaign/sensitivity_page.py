@@ -1,4 +1,4 @@
-"""The page of what drives a result of a campaign: a bar an input, with its interval and the noise floor."""
+"""The page of the sensitivity of a result of a campaign: a bar an input, with its interval and the noise floor."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def bars(found: dict[str, Any]) -> go.Figure:
         marker={"symbol": "line-ns", "size": 20, "line": {"color": INK, "width": 2.5}},
         hovertemplate="noise floor of %{y}: %{x:.3f}<extra></extra>",
     )
-    lay_out(figure, f"What drives {found['of']}", 130 + _BAR_PX * len(rows))
+    lay_out(figure, f"Sensitivity of {found['of']}", 130 + _BAR_PX * len(rows))
     figure.update_xaxes(title="PAWN index", rangemode="tozero")
     figure.update_yaxes(type="category", automargin=True)
     return figure
