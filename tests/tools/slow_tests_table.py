@@ -2,7 +2,8 @@
 
     python tests/tools/slow_tests_table.py TESTS.toml WORST.toml TRIALS CAMPAIGN...
 
-TESTS.toml : of slow_tests_design.py; WORST.toml : largest error of each reference; campaigns as of rig benchmark
+TESTS.toml : scenario with tables slow_tests, of slow_tests_design.py; WORST.toml : largest error of each reference;
+campaigns as of rig benchmark
 """
 
 import sys
@@ -33,7 +34,7 @@ def managers(made: Cell, tests: dict[str, Any], name: str) -> dict[str, Manager]
     params = made.one.manager.params
     sheet = sensors.data_sheets(made.scenario.sensors, made.scenario.rate_hz)[INDEX[name]]
     bank, bare = params.copy(), params.copy()
-    for key, value in tests_params(SlowTests.model_validate(tests[name]), sheet).items():
+    for key, value in tests_params(SlowTests.model_validate(tests[name]["slow_tests"]), sheet).items():
         bank[key] = value
     only = bank.copy()
     only["outlier_threshold"] = only["outlier_threshold_triplex"] = 0.0
@@ -64,7 +65,8 @@ def trials(campaign: Path, tests: dict[str, Any], worst: dict[str, float], count
 
 def main() -> None:
     """See above."""
-    tests, worst = (tomllib.loads(Path(name).read_text()) for name in sys.argv[1:3])
+    scenario, worst = (tomllib.loads(Path(name).read_text()) for name in sys.argv[1:3])
+    tests = scenario["redundancy"]["signals"]
     rows = (row for name in sys.argv[4:] for row in trials(Path(name), tests, worst, int(sys.argv[3])))
     table = pl.DataFrame(list(rows))
     print("isolated, % (healthy channel failed)")

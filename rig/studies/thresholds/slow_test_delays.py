@@ -22,7 +22,7 @@ from rig.computer.redundancy.slow_tests import CALM, FAST, SIGMAS, SQUARE
 from rig.computer.redundancy.slow_tests_config import BIAS, SlowTests
 from rig.world.sensors.data_sheet import DataSheet
 
-OFFSETS: Final = (0.1, 0.2, 0.5, 1.0)  # thresholds
+OFFSETS: Final = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # thresholds
 DRIFT: Final = 0.1  # thresholds a second
 MOST_S: Final = 60.0  # of a drift
 KNOWN: Final = 2.0 * LEARNING  # frames learned: the limits are at their least
