@@ -7,8 +7,8 @@
     number      constant | name | -number | number + number (-, *, /) | abs(number) | min(number, ...) | max(...)
 
 Brackets and precedence are Python's, whose parser reads the text; nothing is ever evaluated as Python.  Windows, s,
-``state`` and ``implies`` are of requirements alone; windows bind like ``not``, ``implies`` less than ``or``: its value is
-that of ``not p or q``.  Names are given by who parses: a ``Grammar``.
+``state`` and ``implies`` are of requirements alone; windows bind like ``not``, ``implies`` less than ``or``: it has the
+value of ``not p or q``.  Names are given by who parses: a ``Grammar``.
 """
 
 from __future__ import annotations
