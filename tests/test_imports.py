@@ -63,7 +63,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, objec
         ("log", "numba pydantic jsbsim"),  # which take longer to be imported than ten minutes of flight to be read
         ("recording", "pint"),
         ("campaign", "scipy.stats scipy.ndimage"),  # the statistics of its report
-        ("search", "cma"),
+        ("search", "cma sklearn"),
         ("no stream", "rerun"),
     ],
 )

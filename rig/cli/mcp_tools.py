@@ -198,7 +198,7 @@ class Search(_Arguments):
     requirement: Texts = Field(min_length=1, description="Requirements to violate; any of several counts.")
     flights: int = Field(ge=1, le=MOST_FLIGHTS, description="Number of flights of the search.")
     out: str = _text("Folder of the search, below the folder of this server.")
-    method: Literal["cma", "random"] = Field(default="cma", description="How the flights are chosen.")
+    method: Literal["regions", "cma", "random"] = Field(default="regions", description="How the flights are chosen.")
     against: str | None = _text("KEY=VALUE: keep only flights that do not violate with this override.", None)
     requirements: Texts = Field(default=[], description="Files that define the requirements. Default: bundled sets.")
     bench: bool = Field(default=False, description="Search in open loop, on the true values of a healthy flight.")

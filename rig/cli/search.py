@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rig.studies.search.run_search import Ended
     from rig.studies.search.search_plan import SearchPlan
 
-_METHODS: Final = ("cma", "random")
+_METHODS: Final = ("regions", "cma", "random")
 _WIDTH: Final = 11
 
 
@@ -49,9 +49,11 @@ class SearchOptions:
         ),
     ]
     requirement: Annotated[list[str], opt("ID", "Requirement to violate. Repeat it to accept any of several.")]
-    flights: Annotated[int, opt("N", "Number of flights of the search, one tenth at random.", min=1, max=10**6)]
+    flights: Annotated[int, opt("N", "Number of flights of the search.", min=1, max=10**6)]
     out: Annotated[Path, resumes("search")]
-    method: Annotated[str, opt("cma|random", "Method that chooses the flights after the random ones.")] = "cma"
+    method: Annotated[str, opt("regions|cma|random", "Method that chooses the flights after the first ones.")] = (
+        "regions"
+    )
     against: Annotated[str | None, opt("KEY=VALUE", "Keep only flights that do not violate with this override.")] = None
     requirements: Annotated[
         list[str] | None,

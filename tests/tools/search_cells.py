@@ -29,7 +29,7 @@ def cell(job: tuple[tuple[str, str, str, int], int, int, int, bool]) -> tuple[fl
     (manager, aircraft, signal, faults), many, flights, seed, free_signs = job
     campaign = space(manager, aircraft, signal, faults, free_signs)
     random = np.array([each.value for each in search_here(plan_of(campaign, many, "random", 100 + seed))])
-    plan = plan_of(campaign, flights, "cma", seed)
+    plan = plan_of(campaign, flights, "regions", seed)
     after = np.array([each.value for each in search_here(plan)])[plan.random :]
     ratios = [float((after < np.quantile(random, share)).mean()) / share for share in SHARES]
     return float(random.min()), float(after.min()), float((random < 0).mean()), *ratios

@@ -14,7 +14,7 @@ from rig.studies.campaign.campaign_file import Campaign, from_what
 from rig.studies.campaign.plan import Run
 from rig.studies.search.objective import Measured, chosen, measured
 from rig.studies.search.open_loop import trial_row
-from rig.studies.search.rounds import Method, schedule
+from rig.studies.search.rounds import Method
 from rig.studies.search.search_plan import Asked, SearchPlan
 
 REQUIREMENT: Final = "vote"
@@ -57,7 +57,7 @@ def _case(kind: str, signal: str, faults: int, free_signs: bool) -> dict[str, An
     return {"name": kind, "set": {"faults": tables}, "vary": {**vary, **starts}}
 
 
-def plan_of(campaign: Campaign, flights: int, method: Method = "cma", seed: int = 0) -> SearchPlan:
+def plan_of(campaign: Campaign, flights: int, method: Method = "regions", seed: int = 0) -> SearchPlan:
     """Return the plan of a search for a violated vote."""
     asked = Asked((REQUIREMENT,), flights, method, seed=seed, bench=True)
     return SearchPlan(campaign, campaign.title, asked, chosen([REQUIREMENT]))
@@ -65,7 +65,7 @@ def plan_of(campaign: Campaign, flights: int, method: Method = "cma", seed: int 
 
 def search_here(plan: SearchPlan) -> list[Measured]:
     """Return what each draw of the plan is worth, open loop."""
-    coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
+    coming = plan.schedule()
     next(coming)
     results: list[Measured] = []
     numbers = list(range(len(plan.choices)))
@@ -73,7 +73,7 @@ def search_here(plan: SearchPlan) -> list[Measured]:
         new = [measured([trial_row(each, plan.requirements)], plan.asked.requirements) for each in _runs(plan, numbers)]
         results += new
         try:
-            numbers = plan.add(coming.send([each.value for each in new]))
+            numbers = plan.add(coming.send(new))
         except StopIteration:
             return results
 

@@ -1,8 +1,8 @@
-"""The search for the worst case: random flights first, then CMA-ES in each arm, in the folder of a campaign.
+"""The search for the worst case: one region of finds after the other, in the folder of a campaign.
 
 space.py      the searched space: an arm is a combination of cases and listed values; its ranges are a unit cube
-cma_es.py     CMA-ES in one arm, started again from the next-best random flight when it stagnates
-rounds.py     the next flights: random ones, then rounds over the arms, in which the worse half of the arms pauses
+rounds.py     the form of a method: rounds of draws, and what they are worth; the random method
+regions.py    the method: a forest says what comes next; cma_es.py, for comparison
 objective.py  the minimised value: robustness of the requirements, then robustness of the vote
 search_plan.py  the flights as a campaign's plan, which grows
 run_search.py  draw, fly the missing flights, evaluate; then confirm_worst.py, on new seeds, and shrink.py

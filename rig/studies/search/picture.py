@@ -34,7 +34,7 @@ def figure(plan: SearchPlan, found: Sequence[Measured], worst: int) -> go.Figure
     made = go.Figure()
     for label, part, colour, symbol in (
         ("random", slice(0, plan.random), SOFT, "circle"),
-        ("CMA-ES", slice(plan.random, len(robustness)), BLUE, "diamond"),
+        ("chosen", slice(plan.random, len(robustness)), BLUE, "diamond"),
     ):
         hover = "flight %{x}: robustness %{customdata}<extra>" + label + "</extra>"
         marks: dict[str, Any] = {

@@ -34,7 +34,6 @@ from rig.studies.search import search_result as result
 from rig.studies.search.confirm_worst import SEEDS, Confirmed, Fly, Table, confirm, least_apart, new_seeds, worst
 from rig.studies.search.fly_missing import Flown, Interrupted, flown, refuse_violated, require_known
 from rig.studies.search.objective import Measured, deciding, measured
-from rig.studies.search.rounds import schedule
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
@@ -118,23 +117,22 @@ def _searched(plan: SearchPlan, flights: Flown) -> _Found:
     """Fly the draws; return the value of each."""
     results: list[Measured] = []
     ids: tuple[str, ...] = ()
-    coming = schedule(plan.arms, plan.most_draws, plan.asked.seed, plan.asked.method)
-    asked = next(coming)
-    numbers = list(range(len(plan.choices)))  # the random flights are in the plan already
+    coming = plan.schedule()
+    next(coming)
+    numbers = list(range(len(plan.choices)))  # the first flights are in the plan already
     while True:
         rows = flights.rows(numbers)
         together = plan.of_one_draw
         draws = [rows[i : i + together] for i in range(0, len(rows), together)]
-        ids = ids or deciding(draws, plan.asked.requirements)  # the random draws come first
+        ids = ids or deciding(draws, plan.asked.requirements)  # the draws that no method chose come first
         new = [measured(draw, ids) for draw in draws]
         results += new
         least = robustness_text(min(result.robustness for result in results)) or "none yet"
         tell(f"{len(plan.choices)} flights, least robustness {least}", len(plan.choices) - 1, len(plan))
         try:
-            asked = coming.send([each.value for each in new])
+            numbers = plan.add(coming.send(new))
         except StopIteration:
             return _Found(ids, results)
-        numbers = plan.add(asked)
 
 
 def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:

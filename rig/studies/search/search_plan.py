@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -13,13 +13,16 @@ from rig.scenario.overrides import parse_set
 from rig.studies.campaign.campaign_file import Campaign
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.searched import types_of
+from rig.studies.search.cma_es import cma
 from rig.studies.search.objective import VOTE
-from rig.studies.search.rounds import Draw, Method, random_count, random_draws
+from rig.studies.search.regions import forest_version, regions
+from rig.studies.search.rounds import Draw, Method, Schedule, at_random
 from rig.studies.search.space import arms
 from rig.verdict.requirements.requirement import Requirement
 
 MOST_CONFIRMING: Final = 100_000
 SEARCH: Final = "search"  # of campaign.json
+METHODS: Final[dict[Method, Callable[..., Schedule]]] = {"regions": regions, "cma": cma, "random": at_random}
 SCENARIO: Final = "scenario"  # column of a confirming flight: the scenario's own table
 
 
@@ -29,7 +32,7 @@ class Asked:
 
     requirements: tuple[str, ...]
     flights: int
-    method: Method = "cma"
+    method: Method = "regions"
     against: str | None = None  # KEY=VALUE of a second flight of each draw
     seed: int = 0
     bench: bool = False
@@ -41,7 +44,7 @@ class Asked:
 
 
 class SearchPlan(Plan):
-    """The runs drawn so far; the random ones come first."""
+    """The runs drawn so far; those that no method chose come first."""
 
     def __init__(
         self,
@@ -51,7 +54,7 @@ class SearchPlan(Plan):
         requirements: Sequence[Requirement],
         trust: Trust | None = None,
     ) -> None:
-        """Raise BadInput for a space without a number, too few flights, or a key of ``against`` that varies.
+        """Raise BadInput for a space without a number, or a key of ``against`` that varies.
 
         requirements : those asked for; VOTE is also measured
         """
@@ -66,8 +69,12 @@ class SearchPlan(Plan):
                 raise BadInput(f"--against {key}: varies in the campaign; choose a key that all flights share")
         self.draws: list[Draw] = []
         self.choices = []
-        self.add(random_draws(self.arms, random_count(self.arms, self.most_draws, asked.method), asked.seed))
+        self.add(next(self.schedule()))
         self.random = len(self.draws)
+
+    def schedule(self) -> Schedule:
+        """Return the draws of the method, from the first one."""
+        return METHODS[self.asked.method](self.arms, self.most_draws, self.asked.seed)
 
     @property
     def most_draws(self) -> int:
@@ -108,7 +115,9 @@ class SearchPlan(Plan):
 
     def identity(self) -> dict[str, Any]:
         """Return everything that decides the table."""
-        return {**super().identity(), SEARCH: {**asdict(self.asked), "requirements": list(self.asked.requirements)}}
+        asked = {**asdict(self.asked), "requirements": list(self.asked.requirements)}
+        forest = {"forest": forest_version()} if self.asked.method == "regions" else {}
+        return {**super().identity(), SEARCH: {**asked, **forest}}
 
 
 class ConfirmPlan(Plan):

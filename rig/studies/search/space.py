@@ -8,14 +8,13 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.studies.campaign.campaign_file import Campaign, Case, Levels, Vary
 from rig.studies.campaign.sampling import Choice, Valuer, valuer
+from rig.studies.search.rounds import Point
 
 MOST_ARMS: Final = 10_000
-Point = NDArray[np.float64]  # (dimensions,) of the unit cube
 _BELOW_ONE: Final = float(np.nextafter(1.0, 0.0))  # a share excludes 1
 
 

@@ -1,0 +1,62 @@
+"""The method of regions: rounds, regions that are left, arms that each get a share, plateaus, signals in pieces."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from search_methods import cube, searched
+
+from rig.studies.search.regions import NEAR, ROUND, regions
+from rig.studies.search.rounds import Draw
+
+
+def distance(draw: Draw, place: float) -> float:
+    return float(np.linalg.norm(draw.point - place))
+
+
+def test_rounds_are_of_eight_and_the_last_uses_up_what_is_left():
+    lists, _ = searched(cube(1), 61, lambda draw: distance(draw, 0.3))
+    assert [len(asked) for asked in lists] == [24, ROUND, ROUND, ROUND, ROUND, 5]
+
+
+def test_a_region_is_left_when_it_has_enough_finds():
+    lists, _ = searched(cube(1, 6), 240, lambda draw: distance(draw, 0.2) - 0.5)
+    near = [sum(distance(draw, 0.2) < NEAR for draw in asked) for asked in lists]
+    assert sum(near) > 24 and near[-1] < ROUND / 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_sixteen_arms_the_one_that_violates_is_found(seed: int):
+    value = lambda draw: distance(draw, 0.4) - 0.35 + 2.0 * (draw.arm != 11)  # noqa: E731
+    lists, values = searched(cube(16), 240, value, seed)
+    assert {draw.arm for draw in lists[0]} == set(range(16)) and min(values) < 0.0
+
+
+def test_arms_that_the_first_draws_leave_out_are_tried_before_any_is_tried_again_by_chance():
+    lists, _ = searched(cube(40), 60, lambda draw: float(draw.arm))
+    assert len({draw.arm for draw in lists[0]}) == 30
+    assert len({draw.arm for asked in lists for draw in asked}) == 40
+
+
+def test_without_a_slope_it_draws_by_chance_and_learns_nothing_from_a_plateau():
+    lists, _ = searched(cube(1, 2), 120, lambda draw: float(draw.point.max() < 0.999))
+    points = np.array([draw.point for asked in lists for draw in asked])
+    counts = np.histogram2d(points[:, 0], points[:, 1], bins=2, range=[[0, 1], [0, 1]])[0]
+    assert counts.min() >= 20  # of 30 in each quarter
+
+
+@pytest.mark.parametrize("value", [-1.0, 1.0])
+def test_where_every_draw_is_alike_the_search_ends(value: float):
+    assert len(searched(cube(1, 1), 300, lambda _: value)[1]) == 300
+
+
+def test_a_signal_is_first_drawn_in_one_two_and_four_equal_parts():
+    lists, _ = searched(cube(1, 4), 24, lambda _: 0.0, method=partial(regions, pieces=[range(4)]))
+    parts = [len(set(draw.point)) for draw in lists[0]]
+    assert parts == [1, 2, 4] * 8
+
+
+def test_stretches_of_a_signal_move_together_and_reach_corners():
+    held = lambda draw: -float(draw.point[:6].min())  # noqa: E731
+    _, values = searched(cube(1, 8), 160, held, method=partial(regions, pieces=[range(8)]))
+    assert min(values) == -1.0  # six pieces at the bound, by chance 1 in infinity
