@@ -15,6 +15,7 @@ from rig.core.files import is_file, is_folder, reported
 
 CAMPAIGN: Final = "campaign.json"  # marks the folder of a campaign
 BESIDE_RUNS: Final = ("search.json", "worst.toml", "search.html")  # that a search writes into it
+PLANT_SEARCH: Final = "plant-search.json"  # and that of a search over a plant
 TRIALS: Final = "trials.json"  # and that of trials
 BENCHMARK: Final = "benchmark.json"  # and that of a benchmark
 CUTSETS: Final = "cutsets.json"  # and that of cut sets,
@@ -22,6 +23,7 @@ SETS: Final = "sets.json"  # which holds the minimal ones
 CONFIRMED: Final = "confirmed.json"  # and how they were flown again
 _OWN: Final = {  # files that belong to such a folder, by their path in it
     CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|search\.json|worst\.toml"),
+    PLANT_SEARCH: re.compile(r"plant-search\.json|lock|(rounds|confirming)/\d+\.json|search\.json|cluster_\d\.csv"),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),
     BENCHMARK: re.compile(r"(benchmark|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),

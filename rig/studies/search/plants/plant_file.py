@@ -103,7 +103,7 @@ def _require_of_plants(requirements: list[Requirement]) -> None:
         if each.id in ids[:i]:
             raise ValueError(f"requirements.{i}.id: {each.id} is already used")
         if each.at != "start" or each.signals is not None or "{" in each.formula:
-            raise ValueError(f"requirements.{i}: at, signals and {{signal}} are of flights; a plant is measured at start")
+            raise ValueError(f"requirements.{i}: at, signals and {{signal}} are of flights; a plant is measured at 0 s")
 
 
 def read_plan(plan: Path | str | Mapping[str, Any]) -> PlantPlan:

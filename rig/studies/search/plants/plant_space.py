@@ -1,4 +1,4 @@
-"""The space of a plant: each combination of listed values is an arm; ranges and the values of signals are a unit cube."""
+"""The space of a plant: a combination of listed values is an arm; ranges and the values of signals are a unit cube."""
 
 from __future__ import annotations
 

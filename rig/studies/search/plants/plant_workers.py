@@ -137,10 +137,9 @@ class _Process:
 
     def __init__(self, command: list[str]) -> None:
         path = os.pathsep.join([str(Path(__file__).parents[4]), *(each for each in sys.path if each)])
-        self._process: Any = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": path, **{f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}},
-        )  # fmt: skip
+        alone = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL")}  # one core for each process
+        pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+        self._process: Any = subprocess.Popen(command, env={**os.environ, **alone, "PYTHONPATH": path}, **pipes)
         self._late = False
 
     def ask(self, what: Any, within_s: float) -> Any:
@@ -170,7 +169,8 @@ class _Process:
         code = self._process.returncode
         if self._late:
             return took_longer(timeout_s)
-        return f"its process was killed by signal {signal_name(-code)}" if code < 0 else f"its process ended with {code}"
+        killed = f"was killed by signal {signal_name(-code)}" if code < 0 else f"ended with exit code {code}"
+        return f"its process {killed}"
 
     def end(self) -> None:
         """End the process and close its pipes."""
