@@ -52,7 +52,7 @@ class PlantAsked:
             raise BadInput(f"--method {quoted(self.method)}: must be one of {', '.join(_METHODS)}")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlantSearched:
     """The end of a search."""
 
@@ -62,6 +62,8 @@ class PlantSearched:
     wall_s: float = 0.0
     interrupted: bool = False
     signal: int = 0
+    not_flown: int = 0  # simulations that failed are rows, and no reason to repeat the command
+    first_reason: str | None = None
     draws: list[Draw] = field(default_factory=list, repr=False)
     results: list[Simulated] = field(default_factory=list, repr=False)
 
@@ -83,8 +85,8 @@ def search_plant(
     """
     began, space = perf_counter(), space_of(plan)
     folder = PlantFolder(out, identity(plan, asked, sources or {}))
-    folder.require()
     requirements = plan.chosen(asked.requirements)
+    folder.require()
     require_arguments(plan, runner.takes(), runner.called)
     with interruptible(again=True) as stop:
         draws: list[Draw] = []
@@ -101,9 +103,13 @@ def search_plant(
                     results += found
                 figures = figures_of(simulating, draws, results, asked.seed, out)
         except Interrupted:
-            took_s = perf_counter() - began
-            return PlantSearched({}, warnings, len(results), took_s, True, stop.signal, draws, results)
-    return PlantSearched(figures, warnings, len(results), perf_counter() - began, draws=draws, results=results)
+            ended: dict[str, Any] = {"figures": {}, "interrupted": True, "signal": stop.signal}
+        else:
+            ended = {"figures": figures}
+    took_s = perf_counter() - began
+    return PlantSearched(
+        **ended, warnings=warnings, simulations=len(results), wall_s=took_s, draws=draws, results=results
+    )
 
 
 def require_arguments(plan: PlantPlan, takes: Takes, called: str) -> None:
@@ -152,7 +158,9 @@ def rounds(simulating: Simulating, asked: PlantAsked) -> Iterator[tuple[list[Dra
             found = simulating.round(f"rounds/{number:05}.json", part, seeds)
             results, done, number = [*results, *found], done + len(part), number + 1
             least = min(least, *(each.robustness for each in found))
-            tell(f"{done} simulations, least robustness {robustness_text(least) or 'none yet'}", done, asked.simulations)
+            if done * 10 // asked.simulations > (done - len(part)) * 10 // asked.simulations:  # a line each tenth
+                shown = robustness_text(least) or "none yet"
+                tell(f"{done} simulations, least robustness {shown}", done - 1, asked.simulations)
             yield part, found
         try:
             draws = coming.send(results)
