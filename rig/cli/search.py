@@ -45,7 +45,7 @@ class SearchOptions:
         str,
         arg(
             "FILE|NAME",
-            "Campaign whose ranges are searched, within each combination of its cases; with --plant the plan of a plant.",
+            "Campaign whose ranges are searched, within each combination of its cases; with --plant a plan.",
             autocompletion=complete.campaigns,
         ),
     ]
@@ -87,7 +87,8 @@ class SearchOptions:
 def search(options: SearchOptions) -> None:
     """Find the flight that violates a requirement most, confirm it on new seeds, and minimise its scenario."""
     if options.plant is not None:
-        return search_a_plant(options, options.plant)
+        search_a_plant(options, options.plant)
+        return
     from rig.studies.campaign.pool import get_ready
 
     if options.scheduler is None:

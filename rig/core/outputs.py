@@ -23,7 +23,7 @@ SETS: Final = "sets.json"  # which holds the minimal ones
 CONFIRMED: Final = "confirmed.json"  # and how they were flown again
 _OWN: Final = {  # files that belong to such a folder, by their path in it
     CAMPAIGN: re.compile(r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|search\.json|worst\.toml"),
-    PLANT_SEARCH: re.compile(r"plant-search\.json|lock|(rounds|confirming)/\d+\.json|search\.json|cluster_\d\.csv"),
+    PLANT_SEARCH: re.compile(r"(plant-)?search\.json|lock|(rounds|choosing|confirming)/\d+\.json|cluster_\d\.csv"),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),
     BENCHMARK: re.compile(r"(benchmark|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),

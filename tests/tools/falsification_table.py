@@ -30,25 +30,32 @@ FREE_PIECES: Final = 20  # of a signal in instance 1; in instance 2 they are tho
 METHODS: Final = ("regions", "random")
 HEAD: Final = """# Falsification benchmarks
 
-This page shows how many simulations the [search over a plant](../how-to/search-any-plant.md) takes until a requirement of the automatic transmission of the
-ARCH-COMP falsification category is violated. Beside it stand uniform random inputs.
+This page shows how many simulations the [search over a plant](../how-to/search-any-plant.md) takes until a requirement
+of the automatic transmission of the ARCH-COMP falsification category is violated. Beside it: uniform random inputs.
 
-Sources: B. Hoxha, H. Abbas, G. Fainekos, *Benchmarks for temporal logic requirements for automotive systems*, ARCH 2014 (model, requirements); G. Ernst and
-others, *ARCH-COMP 2020 category report: Falsification*, EPiC Series in Computing 74, 2020, pp. 140-152 (rules). The model is ours, written from its published
-equations and tables: `docs/examples/plants/automatic_transmission.py`.
+Sources: B. Hoxha, H. Abbas, G. Fainekos, *Benchmarks for temporal logic requirements for automotive systems*, ARCH 2014
+(model, requirements); G. Ernst and others, *ARCH-COMP 2020 category report: Falsification*, EPiC Series in Computing,
+volume 74, 2020, pp. 140-152 (rules). The model is ours, written from its published equations and tables:
+`docs/examples/plants/automatic_transmission.py`.
 
-- **Instance 1** leaves the inputs free. We chose {free} constant pieces of 2.5 s for throttle and brake. **Instance 2** lets them change every 5 s: 10 pieces.
-- {repetitions} repetitions of at most {simulations} simulations, seeds 0 to {last}. *Mean* and *median* are of the repetitions with a violation.
-- Again: `python tests/tools/falsification_table.py`. It took {minutes:.0f} minutes on one core.
+- **Instance 1** leaves the inputs free. We chose {free} constant pieces of 2.5 s for throttle and brake.
+- **Instance 2** lets them change every 5 s: 10 pieces.
+- {repetitions} repetitions of at most {simulations} simulations, seeds 0 to {last}. *Mean* and *median* are of the
+  repetitions with a violation.
+- Again: `python tests/tools/falsification_table.py --repetitions {repetitions}`. It took {minutes:.0f} minutes on one
+  core of a busy machine.
 """
 TAIL: Final = """
 ## What it shows
 
-- `AT2` and `AT6a` to `AT6c` have a slope, and the search follows it. Random inputs find `AT6b` and `AT6c` seldom.
-- **Where the search is behind:** `AT1` needs full throttle for 20 s, a corner of the space; robustness leads there slowly. `AT51` to `AT54` compare
-  the gear, so robustness is 1 or 0 steps away and shows no direction: the search draws its points by chance there, and is no better than random.
-- **Published results of other tools are not listed.** We could not confirm the figures against the reports, and their runs use the Simulink model.
-- `F16`, `CC`, `NN`, `WT`, `SC` and the other models of the category are not here: their models are not published as equations, or are code of others.
+- `AT2` and `AT6a` to `AT6c` have a slope, and the search follows it.
+- **Where the search is behind:** `AT1` needs full throttle for 20 s, a corner of the space to which robustness leads
+  slowly. `AT51` to `AT54` compare the gear: robustness shows no direction there, the search draws its points by chance,
+  and it is no better than random inputs.
+- **Published results of other tools are not listed.** We could not confirm the figures, and those tools simulate the
+  Simulink model.
+- `F16`, `CC`, `NN`, `WT`, `SC` and the other models of the category are not here: they are code of others, or are not
+  published as equations.
 """
 
 
@@ -103,7 +110,10 @@ def main() -> int:
     for instance in (1, 2):
         plan = plan_of(instance)
         lines += ["", f"## Instance {instance}", ""]
-        lines += ["| requirement | falsified | mean | median | random: falsified | mean | median |", "|---|" + "---|" * 6]
+        lines += [
+            "| requirement | falsified | mean | median | random: falsified | mean | median |",
+            "|---|" + "---|" * 6,
+        ]
         for each in plan.requirements:
             if not given.only or each.id in given.only.split(","):
                 cells = row(plan, each.id, given.repetitions, given.simulations, runner)

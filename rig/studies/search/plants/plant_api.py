@@ -8,14 +8,14 @@ from typing import Any
 
 from rig.studies.campaign.manager_source import sources_beside
 from rig.studies.search.plants.plant_call import Function
-from rig.studies.search.plants.plant_file import read_plan
+from rig.studies.search.plants.plant_file import PlantPlan, read_plan
 from rig.studies.search.plants.plant_workers import Here, processes, split_reference
 from rig.studies.search.plants.run_plant_search import PlantAsked, PlantSearched, search_plant
 
 
 def search(
     function: Function | str,
-    plan: Path | str | Mapping[str, Any],
+    plan: PlantPlan | Path | str | Mapping[str, Any],
     *,
     simulations: int = 300,
     requirements: Sequence[str] = (),
@@ -35,7 +35,8 @@ def search(
     out : folder for the results, in which an unfinished search of a file resumes; None: nothing is written
     BadInput, one line: names the file and the key.
     """
-    settings, asked = read_plan(plan), PlantAsked(simulations, tuple(dict.fromkeys(requirements)), method, seed)
+    settings = plan if isinstance(plan, PlantPlan) else read_plan(plan)
+    asked = PlantAsked(simulations, tuple(dict.fromkeys(requirements)), method, seed)
     folder = None if out is None else Path(out)
     if isinstance(function, str):
         with processes(function, settings.timeout_s, workers) as runner:

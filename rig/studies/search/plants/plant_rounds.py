@@ -1,7 +1,7 @@
 """The simulations of a search over a plant, round after round, in a folder that holds those that were run.
 
-    plant-search.json   what decides the search
-    rounds/N.json       the rows of round N, and confirming/N.json of the simulations that confirm a cluster
+plant-search.json   what decides the search
+rounds/N.json       the results of round N; choosing/N.json, confirming/N.json: of cluster N, simulated again
 """
 
 from __future__ import annotations
@@ -100,8 +100,11 @@ class PlantFolder:
 class Simulating:
     """Simulates draws, measures them, and keeps the rounds."""
 
-    def __init__(self, space: PlantSpace, subject: PlantSubject, runner: Runner, folder: PlantFolder, stop: Stop) -> None:
+    def __init__(
+        self, space: PlantSpace, subject: PlantSubject, runner: Runner, folder: PlantFolder, stop: Stop
+    ) -> None:
         self.space, self.subject, self._runner, self._folder, self._stop = space, subject, runner, folder, stop
+        self.takes_seed = "seed" in runner.takes().names
 
     def round(self, name: str, draws: Sequence[Draw], seeds: Sequence[Sequence[int]]) -> list[Simulated]:
         """Return the results of ``draws``, each with its ``seeds``.  Interrupted: asked to stop before all were run."""

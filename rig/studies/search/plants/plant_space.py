@@ -14,7 +14,6 @@ from rig.studies.search.plants.plant_file import PlantPlan
 from rig.studies.search.space import MOST_ARMS, Arm, Point
 
 
-
 class PlantSpace(NamedTuple):
     """The arms of a plan, and the places of the values of each signal in a point."""
 

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Final, Protocol
@@ -80,6 +81,7 @@ class Processes:
         self._threads = ThreadPoolExecutor(count)
         self._closed = False
 
+    @cache  # noqa: B019 # as long as the processes
     def takes(self) -> Takes:
         """Return the arguments of the function, which one process imports."""
         process = self._begin()

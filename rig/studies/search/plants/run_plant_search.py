@@ -119,7 +119,9 @@ def require_arguments(plan: PlantPlan, takes: Takes, called: str) -> None:
     given = [*plan.parameters, *plan.signals]
     for name in given:
         if name not in takes.names and not takes.others:
-            raise BadInput(f"{called}: takes no argument {quoted(name)}, {choices(name, takes.names) or 'it takes none'}")
+            raise BadInput(
+                f"{called}: takes no argument {quoted(name)}, {choices(name, takes.names) or 'it takes none'}"
+            )
     missing = [name for name in takes.needed if name not in (*given, "seed", "duration_s")]
     if missing:
         raise BadInput(f"{called}: needs the argument {missing[0]}; add it to [parameters] or [signals]")
