@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rig.show.notebook.log import Log, read_log
     from rig.show.pages.flight_page import write_report
     from rig.show.pages.flight_page import write_report as report
+    from rig.studies.search.plants.plant_api import search
 
 _HOME = {
     **dict.fromkeys(("Flight", "fly"), "rig.show.notebook.flight"),
@@ -25,6 +26,7 @@ _HOME = {
     **dict.fromkeys(("diagnose", "score", "vote"), "rig.bench.api"),
     "fault": "rig.scenario.make_fault",
     **dict.fromkeys(("report", "write_report"), "rig.show.pages.flight_page"),
+    "search": "rig.studies.search.plants.plant_api",
 }
 __all__ = [
     "Flight",
@@ -37,6 +39,7 @@ __all__ = [
     "read_log",
     "report",
     "score",
+    "search",
     "vote",
     "write_report",
 ]

@@ -22,7 +22,7 @@ from rig.studies.campaign.table_parts import with_names_of_now
 from rig.studies.campaign.tables import OF
 from rig.unit.unit_file import read_unit
 from rig.unit.unit_records import OLD_INTERFACES
-from rig.verdict.requirements.formula import check_formula
+from rig.verdict.requirements.formula import check_names
 from rig.world.faults.grammar import Refused
 
 LOG = Path(__file__).parent / "logs" / "flight_schema_6.mcap"
@@ -111,7 +111,7 @@ def test_an_old_option_is_one_line(old: str, rig_command: Any):
 
 def test_an_old_quantity_is_one_line():
     with pytest.raises(Refused, match=r"twin\.voted\.pitch_rate is now called baseline\.voted\.pitch_rate"):
-        check_formula("always[0, 1] twin.voted.pitch_rate < 1")
+        check_names("always[0, 1] twin.voted.pitch_rate < 1")
     with pytest.raises(BadInput, match=r"^demand is now called autopilot_command$"):
         read_log(LOG).to_polars("demand")
 

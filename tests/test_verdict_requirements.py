@@ -62,7 +62,7 @@ def test_formulas_that_rtamt_speaks_have_its_margin():
         spec = rtamt.StlDiscreteTimeOfflineSpecification()
         for name in "xyr":
             spec.declare_var(name, "float")
-        spec.spec = f"r = {formula}"
+        spec.spec = f"r = {formula.replace('implies', '->')}"
         spec.parse()
         data = {"time": list(range(60)), "x": rows["truth"][:, Q].tolist(), "y": rows["voted"][:, Q].tolist()}
         theirs = [value for _, value in spec.evaluate({**data, "r": [0.0] * 60})]
@@ -87,6 +87,7 @@ RTAMT = (
     "always[0, 5] eventually[0, 4] x >= y",
     "eventually[1, 4] always[0, 6] (x <= 2 until[0, 5] y >= 0)",
     "always[3, 8] (x >= 0 or once[0, 6] y >= 1)",
+    "always[0, 9] (x >= 1 implies eventually[0, 4] y >= 1)",
 )
 
 
@@ -215,6 +216,23 @@ def test_the_instant_is_that_of_the_numbers_that_decide():
     assert late.instant_s == pytest.approx(0.17)
 
 
+@pytest.mark.parametrize(
+    ("formula", "same"),
+    [
+        ("lost or acting implies lost and acting", "not (lost or acting) or (lost and acting)"),
+        ("always[0, 0.1] mach < 0 implies lost", "(not always[0, 0.1] mach < 0) or lost"),
+        ("not lost implies mach > 3", "lost or mach > 3"),
+        ("lost implies (acting implies lost)", "not lost or (not acting or lost)"),
+        ("(lost implies acting) or lost", "not lost or acting or lost"),
+        ("mach > 0 until[0, 0.1] mach > 1 implies lost", "not (mach > 0 until[0, 0.1] mach > 1) or lost"),
+    ],
+)
+def test_implies_binds_less_than_every_other_word(formula, same):
+    for number in range(20):
+        rows = formulas.random_rows(Random(number))
+        assert measured(formula, rows)[2:4] == measured(same, rows)[2:4], number
+
+
 def test_each_onset_counts_once_and_the_least_is_kept():
     q = np.zeros(60)
     q[25:] = 0.3
@@ -284,6 +302,8 @@ BAD = [
     ({"formula": "lost and " * 10_000 + "lost"}, "at most 8000 characters"),
     ({"formula": "(" * 3000 + "lost" + ")" * 3000}, "not a condition"),
     ({"formula": "lost until[0, 1] lost until[0, 1] lost"}, "column 23: two until in a row"),
+    ({"formula": "lost implies lost implies lost"}, "column 19: two implies in a row: put one of them in brackets"),
+    ({"formula": "lost implies"}, "not a condition, such as"),
     ({"formula": "always lost"}, "not a condition, such as"),
     ({"formula": "failed.pitch_rate < 1"}, "unknown quantity 'failed.pitch_rate'"),
     ({"formula": "truth.pitch_rate"}, "column 1: 'truth.pitch_rate' is not a condition; compare it"),

@@ -25,6 +25,7 @@ from rig.cli.common import (
     takes_options,
 )
 from rig.cli.printing import field
+from rig.cli.search_plant import search_a_plant
 from rig.cli.working import working
 from rig.core.errors import BadInput
 
@@ -44,13 +45,24 @@ class SearchOptions:
         str,
         arg(
             "FILE|NAME",
-            "Campaign whose ranges are searched, within each combination of its cases.",
+            "Campaign whose ranges are searched, within each combination of its cases; with --plant a plan.",
             autocompletion=complete.campaigns,
         ),
     ]
-    requirement: Annotated[list[str], opt("ID", "Requirement to violate. Repeat it to accept any of several.")]
-    flights: Annotated[int, opt("N", "Number of flights of the search.", min=1, max=10**6)]
+    flights: Annotated[int, opt("N", "Number of flights, or simulations, of the search.", min=1, max=10**6)]
     out: Annotated[Path, resumes("search")]
+    requirement: Annotated[
+        list[str] | None,
+        opt(
+            "ID",
+            "Requirement to violate. Repeat it to accept any of several.",
+            show_default="with --plant all of the plan",
+        ),
+    ] = None
+    plant: Annotated[
+        str | None,
+        opt("FILE.py:FUNCTION", "Search over a Python function instead of flights. Its code is run."),
+    ] = None
     method: Annotated[str, opt("regions|cma|random", "Method that chooses the flights after the first ones.")] = (
         "regions"
     )
@@ -77,6 +89,9 @@ class SearchOptions:
 @takes_options
 def search(options: SearchOptions) -> None:
     """Find clusters of flights that violate a requirement, confirm them on new seeds, and minimise their scenarios."""
+    if options.plant is not None:
+        search_a_plant(options, options.plant)
+        return
     from rig.studies.campaign.pool import get_ready
 
     if options.scheduler is None:
@@ -101,6 +116,8 @@ def _plan(options: SearchOptions) -> SearchPlan:
 
     if options.method not in _METHODS:
         raise BadInput(f"--method {options.method}: must be one of {', '.join(_METHODS)}")
+    if not options.requirement:
+        raise BadInput("--requirement: is needed, except with --plant")
     asked = named(Asked, options, requirements=tuple(dict.fromkeys(options.requirement)))
     given = dict(map(parse_set, options.sets or []))
     source, campaign = str(find(options.campaign)), read(options.campaign, given)

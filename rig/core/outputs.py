@@ -17,6 +17,7 @@ CAMPAIGN: Final = "campaign.json"  # marks the folder of a campaign
 UNTIL: Final = "until.json"  # beside it: when the campaign stops
 _WORST: Final = ("worst.toml", *(f"worst_{i}.toml" for i in range(2, 6)))  # a scenario of each cluster
 BESIDE_RUNS: Final = ("search.json", "search.html", *_WORST)  # that a search writes into it
+PLANT_SEARCH: Final = "plant-search.json"  # and that of a search over a plant
 TRIALS: Final = "trials.json"  # and that of trials
 BENCHMARK: Final = "benchmark.json"  # and that of a benchmark
 CUTSETS: Final = "cutsets.json"  # and that of cut sets,
@@ -26,6 +27,7 @@ _OWN: Final = {  # files that belong to such a folder, by their path in it
     CAMPAIGN: re.compile(
         r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|(search|until)\.json|worst(_\d)?\.toml"
     ),
+    PLANT_SEARCH: re.compile(r"(plant-)?search\.json|lock|(rounds|choosing|confirming)/\d+\.json|cluster_\d\.csv"),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),
     BENCHMARK: re.compile(r"(benchmark|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),

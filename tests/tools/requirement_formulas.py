@@ -83,14 +83,15 @@ def random_number(random: Random, deep: int) -> Any:
 
 def random_condition(random: Random, depth: int) -> Any:
     """Return a condition as a tree, windows in frames."""
-    kinds = ("compare", "flag", "not", "state", "and", "or", "always", "eventually", "once", "until", "until")
+    kinds = ("compare", "flag", "not", "state", "and", "or", "implies")
+    kinds += ("always", "eventually", "once", "until", "until")
     kind = random.choice(kinds if depth else kinds[:2])
     if kind == "compare":
         return (random.choice(COMPARE), random_number(random, 1), random_number(random, 1))
     if kind == "flag":
         return ("flag", random.choice(list(FLAGS)))
-    parts = [random_condition(random, depth - 1) for _ in range(2 if kind in ("and", "or", "until") else 1)]
-    if kind in ("not", "state", "and", "or"):
+    parts = [random_condition(random, depth - 1) for _ in range(2 if kind in ("and", "or", "implies", "until") else 1)]
+    if kind in ("not", "state", "and", "or", "implies"):
         return (kind, *parts)
     first = random.choice((0, 0, random.randrange(15)))
     return (kind, first, first + random.choice((0, random.randrange(40))), *parts)
@@ -113,7 +114,7 @@ def text(tree: Any) -> str:
         return f"(not {text(parts[0])})"
     if kind == "state":
         return f"state({text(parts[0])})"
-    if kind in ("and", "or"):
+    if kind in ("and", "or", "implies"):
         return f"({text(parts[0])} {kind} {text(parts[1])})"
     window = f"{kind}[{parts[0] / RATE_HZ:g}, {parts[1] / RATE_HZ:g}]"
     if kind == "until":
@@ -175,6 +176,9 @@ class Definition:
             return None if found is None else (found[0], MOST if found[0] else -MOST)
         if kind in ("and", "or"):
             return combine([self.of(part, k, sign) for part in parts], kind == "and")
+        if kind == "implies":
+            given, then = self.of(parts[0], k, -sign), self.of(parts[1], k, sign)
+            return combine([None if given is None else (not given[0], -given[1] or -LEAST), then], False)
         first, last, *parts = parts
         if kind == "always":
             found = combine([self.of(parts[0], j, sign) for j in range(k + first, k + last + 1)], True)

@@ -262,7 +262,7 @@ def _base(name: str, path: Path) -> tuple[dict[str, Any], Path]:
 def from_what(data: dict[str, Any], source: str) -> Campaign:
     """Build a campaign from plain data, of a file or of ``Campaign.what``."""
     data = dict(data)
-    data["vary"] = _varied(data.get("vary", {}), f"{source}: vary")
+    data["vary"] = read_vary(data.get("vary", {}), f"{source}: vary")
     cases = data.get("cases", {})
     if not isinstance(cases, dict) or not all(isinstance(group, list) for group in cases.values()):
         raise BadInput(f"{source}: cases: must be [[cases.<name>]] tables")
@@ -273,11 +273,11 @@ def from_what(data: dict[str, Any], source: str) -> Campaign:
 def _case(data: Any, source: str) -> Any:
     if not isinstance(data, dict):
         raise BadInput(f"{source}: must be tables")
-    return {**data, "vary": _varied(data.get("vary", {}), f"{source}.vary")}
+    return {**data, "vary": read_vary(data.get("vary", {}), f"{source}.vary")}
 
 
-def _varied(data: Any, source: str) -> dict[str, Vary]:
-    """Return the varied values by dotted key; a key may be in quotes or in nested tables."""
+def read_vary(data: Any, source: str) -> dict[str, Vary]:
+    """Return the varied values of a table by dotted key, which may be in quotes or in nested tables.  BadInput."""
     if not isinstance(data, dict):
         raise BadInput(f"{source}: must be a table of keys")
     return dict(_leaves(data, "", source))

@@ -75,7 +75,16 @@ def _files(manager: str) -> Iterator[tuple[str, str]]:
         raise BadInput(f"redundancy.manager: {manager!r}: no module {module!r} in this folder, nor installed")
     # What lies beside an installed package was installed there: its neighbours are none of the manager's.
     installed = root.resolve() in {Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED}
-    only = module.partition(".")[0] if installed else None
+    yield from _followed(manager, module, root, module.partition(".")[0] if installed else None)
+
+
+def sources_beside(path: Path) -> dict[str, str]:
+    """Return the SHA-256 of a Python file, and of the files beside it that it imports or names, by name, sorted."""
+    return dict(sorted(_followed(str(path), path.stem, path.absolute().parent, None)))
+
+
+def _followed(manager: str, module: str, root: Path, only: str | None) -> Iterator[tuple[str, str]]:
+    """Yield name and SHA-256 of the files of a module below ``root``, and of what it imports; ``only`` of a package."""
     seen: set[str] = set()
     waiting = [module]
     while waiting:

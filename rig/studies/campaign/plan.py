@@ -90,7 +90,10 @@ class Plan:
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the requirements of every run.  BadInput: one of the folder is no longer valid."""
         given = self.campaign.requirements or []
-        return tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
+        made = tuple(build(Requirement, each, f"{self.source}: requirements") for each in given)
+        for each in made:
+            each.require_of_flights()
+        return made
 
     def count(self, runs: int | None) -> int:
         """Return how many runs ``--runs`` asks for.  BadInput: the plan has fewer."""

@@ -1,12 +1,14 @@
 """A formula: parsed by the grammar of triggers into a tree, within its bounds; what its quantities are comes later.
 
-At most NODES nodes and LONGEST_S of windows within each other: the memory of a formula is bounded by them.
+At most NODES nodes, and windows within each other as long as the subject allows, LONGEST_S of a flight or a recording:
+the memory of a formula is bounded by them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 from rig.core.frame import FLIGHT_INDEX, INDEX
@@ -15,7 +17,7 @@ from rig.core.text import choices, quoted
 from rig.world.faults.grammar import Grammar, Op, Refused, Step, Steps, Window, parse
 
 NODES: Final = 200
-LONGEST_S: Final = 60.0
+LONGEST_S: Final = 60.0  # of windows within each other, on a flight or a recording
 LONGEST: Final = 8_000  # characters
 OF_SIGNALS: Final = ("truth", "true", "voted", "reference", "error", "threshold", "level")  # NAME.X
 OF_CHANNELS: Final = ("channel", "count", "failed", "healthy")  # NAME.X.N
@@ -60,10 +62,13 @@ class Formula:
 Known = Callable[[str], bool]
 
 
-def read_formula(text: str, number: Known, condition: Known, unknown: Callable[[str], str]) -> Formula:
+def read_formula(
+    text: str, number: Known, condition: Known, unknown: Callable[[str], str], longest_s: float = LONGEST_S
+) -> Formula:
     """Return the tree of ``text``; Refused, one line with its column, states what is not allowed.
 
     number, condition : whether a name is a quantity, or a yes or no; unknown : the error text for any other name
+    longest_s : of windows within each other
     """
     names: list[str] = []
 
@@ -86,8 +91,8 @@ def read_formula(text: str, number: Known, condition: Known, unknown: Callable[[
     if len(parsed.steps) > NODES:
         raise Refused(f"has {len(parsed.steps)} nodes, at most {NODES} are allowed")
     root = _signed(_tree(parsed.steps, parsed.windows), 1)
-    if (long_s := sum(reach(root))) > LONGEST_S:
-        raise Refused(f"has windows of {long_s:g} s, at most {LONGEST_S:g} s are allowed")
+    if (long_s := sum(reach(root))) > longest_s * (1.0 + 1e-9):
+        raise Refused(f"has windows of {long_s:g} s, at most {longest_s:g} s are allowed")
     return Formula(root, tuple(names), sum(node.op in COMPARISONS for node in root.walk()))
 
 
@@ -189,9 +194,18 @@ def unknown_family(name: str) -> str:
     return f"unknown quantity {quoted(name)}, {choices(name, accepted, 'docs/how-to/requirements-and-ci.md')}"
 
 
-def check_formula(text: str) -> None:
-    """Refuse a formula that no flight or recording could be measured by: Refused, with its column."""
+def check_grammar(text: str) -> None:
+    """Refuse a formula that says nothing of any subject, whatever its names are: Refused, with its column."""
     if CHANNEL in text and SIGNAL not in text:
         raise Refused(f"{CHANNEL} goes with {SIGNAL}", text.index(CHANNEL) + 1)
-    text = text.replace(SIGNAL, "signal").replace(CHANNEL, "1")
-    read_formula(text, lambda name: split(name) is not None, may_hold, unknown_family)
+    anything = lambda name: True  # noqa: E731
+    read_formula(_named(text), anything, anything, str, inf)
+
+
+def check_names(text: str) -> None:
+    """Refuse a formula that no flight or recording could be measured by: Refused, with its column."""
+    read_formula(_named(text), lambda name: split(name) is not None, may_hold, unknown_family)
+
+
+def _named(text: str) -> str:
+    return text.replace(SIGNAL, "signal").replace(CHANNEL, "1")

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr, field_validator
 from rig.core.errors import BadInput
 from rig.core.files import bundled, is_file
 from rig.core.settings import Settings, build, read_toml
-from rig.verdict.requirements.formula import check_formula
+from rig.verdict.requirements.formula import check_grammar, check_names
 from rig.world.faults.grammar import Refused
 
 MOST: Final = 200  # of a file
@@ -36,10 +36,17 @@ class Requirement(Settings):
     @classmethod
     def _readable(cls, formula: str) -> str:
         try:
-            check_formula(formula)
+            check_grammar(formula)
         except Refused as refused:
             raise ValueError(f"column {refused.column}: {refused}") from None
         return formula
+
+    def require_of_flights(self) -> None:
+        """Raise BadInput if its formula names what no flight and no recording has; other subjects check their own."""
+        try:
+            check_names(self.formula)
+        except Refused as refused:
+            raise BadInput(f"{self.where}: formula: column {refused.column}: {refused}") from None
 
     @property
     def names_baseline(self) -> bool:
@@ -74,12 +81,13 @@ def find_requirements(name: str | Path) -> Path:
 
 
 def load_requirements(names: Sequence[str | Path]) -> tuple[Requirement, ...]:
-    """Return the requirements of bundled sets and files, in their order; BadInput names file and key."""
+    """Return the requirements on flights of bundled sets and files, in their order; BadInput names file and key."""
     loaded: dict[str, Requirement] = {}
     for path in dict.fromkeys(map(find_requirements, names)):
         for made in build(_File, read_toml(path), str(path)).requirements:
             if made.id in loaded:
                 raise BadInput(f"{path}: {made.id}: the id is already used in {loaded[made.id]._file}")
             made._file = str(path)
+            made.require_of_flights()
             loaded[made.id] = made
     return tuple(loaded.values())

@@ -3,11 +3,12 @@
     condition   condition and condition | condition or condition | not condition | yes or no | state(condition)
                 | number < number (<=, >, >=, ==, !=; chained too)
                 | always[a, b] condition | eventually[a, b] condition | once[a, b] condition
-                | condition until[a, b] condition
+                | condition until[a, b] condition | condition implies condition
     number      constant | name | -number | number + number (-, *, /) | abs(number) | min(number, ...) | max(...)
 
-Brackets and precedence are Python's, whose parser reads the text; nothing is ever evaluated as Python.  Windows, s, and
-``state`` are of requirements alone; windows bind like ``not``.  Names are given by who parses: a ``Grammar``.
+Brackets and precedence are Python's, whose parser reads the text; nothing is ever evaluated as Python.  Windows, s,
+``state`` and ``implies`` are of requirements alone; windows bind like ``not``, ``implies`` less than ``or``: it has the
+value of ``not p or q``.  Names are given by who parses: a ``Grammar``.
 """
 
 from __future__ import annotations
@@ -75,11 +76,11 @@ _COMPARE: Final = {
     **{ast.Lt: Op.LESS, ast.LtE: Op.LESS_EQUAL, ast.Gt: Op.GREATER},
     **{ast.GtE: Op.GREATER_EQUAL, ast.Eq: Op.EQUAL, ast.NotEq: Op.NOT_EQUAL},
 }
-_JOIN: Final = {ast.And: Op.AND, ast.Or: Op.OR}
 _LEAST: Final = {"min": Op.MIN, "max": Op.MAX}
 _WINDOW: Final = re.compile(r"\b(always|eventually|once|until)\s*\[([^\[\]]*)\]")
+_IMPLIES: Final = re.compile(r"(?<![\w.])implies(?![\w.])")
 _UNIT: Final = re.compile(  # a number and a word behind it, or a sign
-    r"(?<![\w.])((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?!(?:and|or|not|until|e)\b)([^\W\d_]+(?:[/*^][\w^*]+)*|[°%])"
+    r"(?<![\w.])((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?!(?:and|or|not|until|implies|e)\b)([^\W\d_]+(?:[/*^][\w^*]+)*|[°%])"
 )
 _CHANNEL: Final = re.compile(r"(?<![\w.])([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\.([0-9]+)\b")
 
@@ -160,7 +161,8 @@ class _Parser:
             if not self.text.isascii():
                 raise Refused("only ASCII characters are allowed")
             self.text = " ".join(self.text.splitlines())
-            self.python = _CHANNEL.sub(r"\1_\2", _WINDOW.sub(self._window, self.text))
+            words = _IMPLIES.sub(self._implies, _WINDOW.sub(self._window, self.text))
+            self.python = _CHANNEL.sub(r"\1_\2", words)
 
     def _window(self, found: re.Match[str]) -> str:
         """Keep a window; return the operator of Python in its place."""
@@ -177,13 +179,18 @@ class _Parser:
         self.windows.append((begin, end))
         return ("and" if word == "until" else "not").ljust(len(found[0]))
 
+    def _implies(self, found: re.Match[str]) -> str:
+        """Keep an ``implies``; return the operator of Python in its place."""
+        self._words[found.start()] = found[0], 0
+        return "or".ljust(len(found[0]))
+
     def condition(self, node: ast.expr) -> Steps:
         """Return steps that leave a yes or no."""
         match node:
             case ast.BoolOp(op=ast.And(), values=values):
                 return self._joined(values)
-            case ast.BoolOp(op=join, values=values):
-                return _all([self.condition(value) for value in values], _JOIN[type(join)])
+            case ast.BoolOp(values=values):
+                return self._alternatives(values)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 word, place = self._words.get(node.col_offset, ("not", 0))
                 return [*self.condition(operand), (Op[word.upper()], place, 0.0)]
@@ -204,11 +211,29 @@ class _Parser:
         shown = self._shown(node)
         raise Refused(f"{shown!r} is not a condition; compare it: <, <=, >, >=, ==, !=", node.col_offset + 1)
 
+    def _alternatives(self, values: list[ast.expr]) -> Steps:
+        """Return the steps of conditions between which ``or`` stands, or ``implies``, which binds less than it."""
+        sides, implies = [[self.condition(values[0])]], 0
+        for before, value in pairwise(values):
+            column = self._word_between(before, value)
+            if column is not None:
+                implies += 1
+                if implies > 1:
+                    raise Refused("two implies in a row: put one of them in brackets", column + 1)
+                sides.append([])
+            sides[-1].append(self.condition(value))
+        first, *others = [_all(side, Op.OR) for side in sides]
+        return first if not others else [*first, (Op.NOT, 0, 0.0), *others[0], (Op.OR, 0, 0.0)]
+
+    def _word_between(self, before: ast.expr, value: ast.expr) -> int | None:
+        """Return the column of a word of ours, between two conditions that stand side by side; None: there is none."""
+        return next((c for c in self._words if (before.end_col_offset or 0) <= c < value.col_offset), None)
+
     def _joined(self, values: list[ast.expr]) -> Steps:
         """Return the steps of conditions between which ``and`` stands, or ``until``, which binds tighter."""
         parts, last = [self.condition(values[0])], False
         for before, value in pairwise(values):
-            column = next((c for c in self._words if (before.end_col_offset or 0) <= c < value.col_offset), None)
+            column = self._word_between(before, value)
             until = column is not None and self._words[column][0] == "until"
             if until and last:
                 raise Refused("two until in a row: put one of them in brackets", (column or 0) + 1)

@@ -1,0 +1,114 @@
+"""``rig search PLAN.toml --plant FILE.py:function``: the search over a Python function.  JSBSim is not loaded."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from typer import echo
+
+from rig.cli.common import emit, require_ended
+from rig.cli.printing import field
+from rig.cli.working import working
+from rig.core.errors import BadInput
+from rig.core.outputs import require_apart
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rig.cli.search import SearchOptions
+    from rig.studies.search.plants.plant_file import PlantPlan
+
+_OF_FLIGHTS = ("against", "requirements", "bench", "unit", "scheduler", "sets", "allow_code")
+_WIDTH = 11
+_STRETCHES = 4  # of a signal that are printed
+
+
+def search_a_plant(options: SearchOptions, plant: str) -> None:
+    """Search over the function that ``--plant`` names.  BadInput: an option of flights, and as ``rig.search``."""
+    for name in _OF_FLIGHTS:
+        if getattr(options, name):
+            option = "--set" if name == "sets" else f"--{name.replace('_', '-')}"
+            raise BadInput(f"{option}: is of flights, and not with --plant")
+    from rig.studies.search.plants.plant_api import search
+    from rig.studies.search.plants.plant_file import read_plan
+    from rig.studies.search.plants.plant_workers import split_reference
+
+    plan = read_plan(Path(options.campaign))
+    require_apart({"--out": options.out}, [options.campaign, split_reference(plant)[0]])
+    with working("the search", not options.as_json, steps=True, compiles=False):
+        found = search(
+            plant,
+            plan,
+            simulations=options.flights,
+            requirements=options.requirement or (),
+            method=options.method,
+            seed=options.seed,
+            out=options.out,
+            workers=options.workers,
+        )
+    for warning in found.warnings:
+        echo(f"warning: {warning}", err=True)
+    if not found.interrupted:
+        emit(options.as_json, found.figures, lambda: _show(found.figures, plan, options.out, found.wall_s))
+    ended: Any = found
+    require_ended(ended, f"{found.simulations} of {options.flights} simulations")
+
+
+def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
+    """Print how much violates, the clusters, and what failed."""
+    found = "" if f["first_violation"] is None else f", the first is number {f['first_violation']}"
+    lowest = f"lowest robustness {_number(f['robustness'])}"
+    field("searched", f"{f['simulations']} simulations, {f['violated']} violate{found}; {lowest}", width=_WIDTH)
+    if len(f["violating"]) > 1:
+        counts = ", ".join(f"{name} in {count}" for name, count in f["violating"].items())
+        field("violated", counts, width=_WIDTH)
+    more = f"; {f['clusters_found']} clusters, {len(f['clusters'])} of them below"
+    first = f"{f['first']['violated']} of {f['first']['simulations']} evenly spread inputs violate"
+    field("first", first + (more if f["clusters_found"] > len(f["clusters"]) else ""), width=_WIDTH)
+    for number, cluster in enumerate(f["clusters"], 1):
+        _show_cluster(f"cluster {number}", cluster, plan)
+    if f["failed"]:
+        field("failed", f"{f['failed']} simulations, no violations; the first: {f['first_reason']}", width=_WIDTH)
+    if f["printed"]:
+        field("printed", " ".join(f["printed"].split()), width=_WIDTH)
+    field("folder", f"{out}, {took_s:.1f} s", width=_WIDTH)
+
+
+def _show_cluster(label: str, cluster: dict[str, Any], plan: PlantPlan) -> None:
+    """Print a cluster: how many, how sure, the narrow ranges of its numbers, its trace."""
+    (violate, of), (low, high) = cluster["confirmed"], cluster["interval"]
+    count = cluster["simulations"]
+    texts = [
+        f"{count} simulation{'s' if count > 1 else ''}, lowest robustness {_number(cluster['robustness'])}; "
+        f"{violate} of {of} {cluster['confirmed_on']} violate ({100 * low:.3g} to {100 * high:.3g} %)",
+        *([f"with {cluster['arm']}"] if cluster["arm"] != "all" else []),
+        "; ".join(_narrow(cluster["ranges"], plan)) or "its inputs are anywhere",
+        f"number {cluster['number']}: {cluster['trace']}",
+    ]
+    for text in texts:
+        field(label, text, width=_WIDTH)
+        label = ""
+
+
+def _narrow(ranges: dict[str, Any], plan: PlantPlan) -> Iterator[str]:
+    """Yield the numbers of a cluster with their ranges; of a signal the stretches within half of its range."""
+    for name, found in ranges.items():
+        if name not in plan.signals:
+            yield f"{name} {found[0]:.3g} to {found[1]:.3g}"
+            continue
+        signal, at_s = plan.signals[name], plan.duration_s / plan.signals[name].pieces
+        ends = [(f"{low:.3g} to {high:.3g}" if high > low else f"{low:.3g}", high - low) for low, high in found]
+        stretches = [(text, width, list(of)) for (text, width), of in groupby(range(len(ends)), key=ends.__getitem__)]
+        narrow = [each for each in stretches if each[1] <= 0.5 * (signal.high - signal.low)]
+        for text, _, of in narrow[:_STRETCHES]:
+            last = of[-1] + (signal.shape == "constant")
+            when = f"{of[0] * at_s:g} to {last * at_s:g} s" if last > of[0] else f"{last * at_s:g} s"
+            yield f"{name} {text} at {when}"
+        if len(narrow) > _STRETCHES:
+            yield f"{name} in {len(narrow) - _STRETCHES} more stretches"
+
+
+def _number(robustness: float | None) -> str:
+    return "none" if robustness is None else f"{robustness:.4g}"

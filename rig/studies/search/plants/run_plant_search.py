@@ -1,0 +1,191 @@
+"""The search over a plant: first simulations, rounds of a method, clusters, and their confirmation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Final
+
+import numpy as np
+
+from rig.core.errors import BadInput
+from rig.core.interrupt import Stop, interruptible
+from rig.core.progress import tell
+from rig.core.text import choices, quoted
+from rig.studies.campaign.study_folder import FORMAT
+from rig.studies.search.plants.plant_call import Columns, Takes
+from rig.studies.search.plants.plant_file import PlantPlan
+from rig.studies.search.plants.plant_result import figures_of
+from rig.studies.search.plants.plant_rounds import (
+    Interrupted,
+    PlantFolder,
+    Simulated,
+    Simulating,
+    call_of,
+    seeds_of,
+)
+from rig.studies.search.plants.plant_space import PlantSpace, space_of
+from rig.studies.search.plants.plant_subject import PlantSubject
+from rig.studies.search.plants.plant_workers import Runner
+from rig.studies.search.regions import forest_version, regions
+from rig.studies.search.rounds import Draw, Schedule, at_random
+from rig.verdict.requirements.robustness import robustness_text
+
+_TRIED: Final = 8  # points at which a plant may fail before it is refused
+_PART: Final = 64  # simulations that are written together
+_METHODS: Final = ("regions", "cma", "random")
+
+
+@dataclass(frozen=True, slots=True)
+class PlantAsked:
+    """What decides a search beside its plan."""
+
+    simulations: int = 300
+    requirements: tuple[str, ...] = ()  # ids; all of the plan if there are none
+    method: str = "regions"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.method not in _METHODS:
+            raise BadInput(f"--method {quoted(self.method)}: must be one of {', '.join(_METHODS)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantSearched:
+    """The end of a search."""
+
+    figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
+    warnings: tuple[str, ...] = ()
+    simulations: int = 0  # in the folder
+    wall_s: float = 0.0
+    interrupted: bool = False
+    signal: int = 0
+    not_flown: int = 0  # simulations that failed are rows, and no reason to repeat the command
+    first_reason: str | None = None
+    draws: list[Draw] = field(default_factory=list, repr=False)
+    results: list[Simulated] = field(default_factory=list, repr=False)
+
+
+def identity(plan: PlantPlan, asked: PlantAsked, sources: dict[str, str]) -> dict[str, Any]:
+    """Return everything that decides the results; sources: of the plant, SHA-256 by file."""
+    forest = {"forest": forest_version()} if asked.method == "regions" else {}
+    what = plan.model_dump(mode="json", exclude={"timeout_s"}, exclude_none=True)
+    return {"format": FORMAT, "plan": what, **asdict(asked), "requirements": list(asked.requirements),
+            "plant": sources, **forest}  # fmt: skip
+
+
+def search_plant(
+    plan: PlantPlan, asked: PlantAsked, runner: Runner, out: Path | None = None, sources: dict[str, str] | None = None
+) -> PlantSearched:
+    """Search for inputs of a plant that violate its requirements, into the folder ``out`` or resuming there.
+
+    BadInput before anything is written: the plan does not fit the plant, or the plant fails everywhere.
+    """
+    began, space = perf_counter(), space_of(plan)
+    folder = PlantFolder(out, identity(plan, asked, sources or {}))
+    requirements = plan.chosen(asked.requirements)
+    folder.require()
+    require_arguments(plan, runner.takes(), runner.called)
+    with interruptible(again=True) as stop:
+        draws: list[Draw] = []
+        results: list[Simulated] = []
+        warnings: tuple[str, ...] = ()
+        try:
+            columns = first_columns(space, runner, asked.seed, stop)
+            subject = PlantSubject(requirements, columns, plan.rate_hz, plan.duration_s)
+            warnings = tuple(filter(None, [subject.unlike(columns)]))
+            with folder.held():
+                simulating = Simulating(space, subject, runner, folder, stop)
+                for new, found in rounds(simulating, asked):
+                    draws += new
+                    results += found
+                figures = figures_of(simulating, draws, results, asked.seed, out)
+        except Interrupted:
+            ended: dict[str, Any] = {"figures": {}, "interrupted": True, "signal": stop.signal}
+        else:
+            ended = {"figures": figures}
+    took_s = perf_counter() - began
+    return PlantSearched(
+        **ended, warnings=warnings, simulations=len(results), wall_s=took_s, draws=draws, results=results
+    )
+
+
+def require_arguments(plan: PlantPlan, takes: Takes, called: str) -> None:
+    """Raise BadInput unless a plant takes what the plan varies, and the plan has what it needs."""
+    if takes.wrong:
+        raise BadInput(f"{called}: {takes.wrong}")
+    given = [*plan.parameters, *plan.signals]
+    for name in given:
+        if name not in takes.names and not takes.others:
+            raise BadInput(
+                f"{called}: takes no argument {quoted(name)}, {choices(name, takes.names) or 'it takes none'}"
+            )
+    missing = [name for name in takes.needed if name not in (*given, "seed", "duration_s")]
+    if missing:
+        raise BadInput(f"{called}: needs the argument {missing[0]}; add it to [parameters] or [signals]")
+    if plan.repeats > 1 and "seed" not in takes.names:
+        raise BadInput(f"repeats = {plan.repeats}: {called} takes no seed, so that all repeats would be equal")
+
+
+def first_columns(space: PlantSpace, runner: Runner, seed: int, stop: Stop) -> Columns:
+    """Return the columns of the plant at the centre of its ranges, or where it does not fail.
+
+    BadInput: it fails at all of a few points.  Interrupted: asked to stop.
+    """
+    reason = ""
+    for i in range(_TRIED):
+        arm = i % len(space.arms)
+        count = space.arms[arm].dimensions
+        point = np.full(count, 0.5) if i == 0 else np.random.default_rng([seed, i]).random(count)
+        outcomes = runner.run([call_of(space, Draw(arm, point), seeds_of(seed, i, 1)[0], None)], stop)
+        if not outcomes:
+            raise Interrupted
+        if outcomes[0].columns is not None:
+            return outcomes[0].columns
+        reason = reason or outcomes[0].reason
+    raise BadInput(f"{runner.called}: failed at {_TRIED} of {_TRIED} points; at the centre of the ranges: {reason}")
+
+
+def rounds(simulating: Simulating, asked: PlantAsked) -> Iterator[tuple[list[Draw], list[Simulated]]]:
+    """Yield the draws of each round with their results, the draws of the method in parts."""
+    coming, done, least, number = schedule(simulating.space, asked), 0, np.inf, 0
+    repeats, draws = simulating.space.plan.repeats, next(coming)
+    while True:
+        results: list[Simulated] = []
+        for first in range(0, len(draws), _PART):
+            part = draws[first : first + _PART]
+            seeds = [seeds_of(asked.seed, (done + i) * repeats, repeats) for i in range(len(part))]
+            found = simulating.round(f"rounds/{number:05}.json", part, seeds)
+            results, done, number = [*results, *found], done + len(part), number + 1
+            least = min(least, *(each.robustness for each in found))
+            if done * 10 // asked.simulations > (done - len(part)) * 10 // asked.simulations:  # a line each tenth
+                shown = robustness_text(least) or "none yet"
+                tell(f"{done} simulations, least robustness {shown}", done - 1, asked.simulations)
+            yield part, found
+        try:
+            draws = coming.send(results)
+        except StopIteration:
+            return
+
+
+def schedule(space: PlantSpace, asked: PlantAsked) -> Schedule:
+    """Return the draws of the method, from the first one."""
+    made: dict[str, Callable[[], Schedule]] = {
+        "regions": lambda: regions(space.arms, asked.simulations, asked.seed, pieces=space.pieces),
+        "random": lambda: at_random(space.arms, asked.simulations, asked.seed),
+        "cma": lambda: _cma(space, asked),
+    }
+    return made[asked.method]()
+
+
+def _cma(space: PlantSpace, asked: PlantAsked) -> Schedule:
+    from rig.studies.search.cma_es import cma
+
+    return cma(space.arms, asked.simulations, asked.seed)
+
+
+def first_violation(results: Sequence[Simulated]) -> int | None:
+    """Return the number of the first simulation that violates, from 1; None: none does."""
+    return next((i + 1 for i, each in enumerate(results) if each.violated), None)
