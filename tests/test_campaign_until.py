@@ -47,7 +47,7 @@ duration_s = 2.6
 [run]
 batch = 4
 """
-ASKED = ("half-width=0.2", "detected_of_all", "signal")
+ASKED: tuple[str, str, str] = ("half-width=0.2", "detected_of_all", "signal")
 
 
 @given(st.integers(1, 3000), st.floats(0.001, 0.499))
@@ -198,7 +198,7 @@ def test_a_proportion_that_no_flight_has_is_told_at_the_end(tmp_path: Path):
         ((None, None, "signal"), r"--by: needs --until half-width=0.02"),
     ],
 )
-def test_what_cannot_be_meant_is_one_line(tmp_path: Path, asked: Any, line: str):
+def test_what_cannot_be_meant_is_one_line(tmp_path: Path, asked: tuple[Any, Any, Any], line: str):
     with pytest.raises(BadInput, match=line):
         read_until(*asked, planned(tmp_path), 120)
 
