@@ -188,7 +188,7 @@ def test_a_proportion_that_no_flight_has_is_told_at_the_end(tmp_path: Path):
     [
         (("half-width=0.1", "detekted", None), r"--of detekted: no flight has this column; nearest: detected"),
         (("half-width=0.1", "violated", None), r"--of violated: no flight has this column"),
-        (("half-width=0.1", "detected", "sinal"), r"--by sinal: no flight has this column; allowed: signal"),
+        (("half-width=0.1", "detected", "singal_x"), r"--by singal_x: no flight has this column; allowed: signal"),
         (("half-width=0", "detected", None), r"H above 0 and below 0.5"),
         (("half-width=0.5", "detected", None), r"H above 0 and below 0.5"),
         (("half-width=nan", "detected", None), r"H above 0 and below 0.5"),
