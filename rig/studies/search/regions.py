@@ -111,18 +111,11 @@ def _expected(flown: _Flown, cubes: _Cubes, count: int, rng: Generator) -> list[
 
 def best_apart(draws: Sequence[Draw], values: Sequence[float]) -> Iterator[int]:
     """Yield the place of the best draw of each region, the best first; no region begins within another."""
-    open_ = dict.fromkeys(sorted(range(len(draws)), key=lambda i: (values[i], i)))
-    while open_:
-        best = next(iter(open_))
-        yield best
-        for i in [i for i in open_ if within(draws[i], draws[best])]:
-            del open_[i]
-
-
-def within(draw: Draw, centre: Draw) -> bool:
-    """Return True if a draw is in the region around another."""
-    radius = NEAR * math.sqrt(len(centre.point) / 6.0)
-    return draw.arm == centre.arm and bool(np.linalg.norm(draw.point - centre.point) <= radius)
+    arm, point = _places(draws, max(len(draw.point) for draw in draws))
+    left = np.argsort(values, kind="stable")
+    while len(left):
+        yield int(left[0])
+        left = left[~_within(draws[left[0]], arm[left], point[left])]
 
 
 class _Cubes:
@@ -187,7 +180,7 @@ class _Flown:
 
     def add(self, draws: Sequence[Draw], results: Sequence[Result]) -> None:
         """Take the results of the last draws."""
-        arm, point = self._places(draws)
+        arm, point = _places(draws, self._width)
         self._tried[arm] = True
         self.draws += draws
         self._arm, self._point = np.append(self._arm, arm), np.append(self._point, point, axis=0)
@@ -202,13 +195,13 @@ class _Flown:
 
     def found(self) -> int:
         """Return the number of finds in the region around the best open point."""
-        return int((self._violated & self._within(self.draws[self.ranked()[0]], self._arm, self._point)).sum())
+        return int((self._violated & _within(self.draws[self.ranked()[0]], self._arm, self._point)).sum())
 
     def close(self) -> None:
         """Close the region around the best open point; if none is open, open all for twice as many finds."""
         if self.open.any():
             self._closed.append(self.draws[self.ranked()[0]])
-            self.open &= ~self._within(self._closed[-1], self._arm, self._point)
+            self.open &= ~_within(self._closed[-1], self._arm, self._point)
         else:
             self._closed.clear()
             self.open[:] = True
@@ -216,10 +209,10 @@ class _Flown:
 
     def outside(self, draws: Sequence[Draw]) -> NDArray[np.bool_]:
         """Return whether each point is outside of all closed regions."""
-        arm, point = self._places(draws)
+        arm, point = _places(draws, self._width)
         out = np.ones(len(draws), bool)
         for centre in self._closed:
-            out &= ~self._within(centre, arm, point)
+            out &= ~_within(centre, arm, point)
         return out
 
     def flat(self) -> bool:
@@ -239,7 +232,7 @@ class _Flown:
         y = _stretched(self.value[learnt])
         forest = ExtraTreesRegressor(_TREES, max_features=0.7, random_state=seed, n_jobs=1)
         forest.fit(self._encoded(self._arm[learnt], self._point[learnt]), y)
-        code = self._encoded(*self._places(candidates))
+        code = self._encoded(*_places(candidates, self._width))
         of_trees = np.array([tree.predict(code) for tree in forest.estimators_])
         return of_trees.mean(0) - of_trees.std(0)
 
@@ -251,18 +244,6 @@ class _Flown:
         best = np.argsort(self.value, kind="stable")[: _LEARNT // 2]
         return np.union1d(best, every[-(_LEARNT // 2) :])
 
-    def _places(self, draws: Sequence[Draw]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return arms and points, filled up to one width."""
-        point = np.full((len(draws), self._width), 0.5)
-        for i, draw in enumerate(draws):
-            point[i, : len(draw.point)] = draw.point
-        return np.array([draw.arm for draw in draws], np.int64), point
-
-    def _within(self, centre: Draw, arm: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.bool_]:
-        d = len(centre.point)
-        distance = np.linalg.norm(point[:, :d] - centre.point, axis=1)
-        return (arm == centre.arm) & (distance <= NEAR * math.sqrt(d / 6.0))
-
     def _encoded(self, arm: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the columns of the forest: the point, then a column for each arm or each digit of its number."""
         count = len(self._dimensions)
@@ -272,6 +253,21 @@ class _Flown:
         else:
             codes = ((numbers[:, None] >> np.arange(count.bit_length())) & 1).astype(np.float32)
         return np.hstack([point.astype(np.float32), codes[arm]])
+
+
+def _places(draws: Sequence[Draw], width: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return arms and points, filled up to one width."""
+    point = np.full((len(draws), width), 0.5)
+    for i, draw in enumerate(draws):
+        point[i, : len(draw.point)] = draw.point
+    return np.array([draw.arm for draw in draws], np.int64), point
+
+
+def _within(centre: Draw, arm: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which of the points are in the region around ``centre``."""
+    d = len(centre.point)
+    distance = np.linalg.norm(point[:, :d] - centre.point, axis=1)
+    return (arm == centre.arm) & (distance <= NEAR * math.sqrt(d / 6.0))
 
 
 def _stretched(value: NDArray[np.float64]) -> NDArray[np.float64]:
