@@ -189,7 +189,7 @@ class Check(_Arguments):
 
 
 class Search(_Arguments):
-    """Find the flight that violates a requirement most, confirm it on new seeds, and minimise its scenario.
+    """Find clusters of flights that violate a requirement, confirm them on new seeds, and minimise their scenarios.
 
     The same call with the same folder resumes a search that was stopped.
     """
