@@ -173,7 +173,7 @@ def rounds(simulating: Simulating, asked: PlantAsked) -> Iterator[tuple[list[Dra
 def schedule(space: PlantSpace, asked: PlantAsked) -> Schedule:
     """Return the draws of the method, from the first one."""
     made: dict[str, Callable[[], Schedule]] = {
-        "regions": lambda: regions(space.arms, asked.simulations, asked.seed, space.pieces),
+        "regions": lambda: regions(space.arms, asked.simulations, asked.seed, pieces=space.pieces),
         "random": lambda: at_random(space.arms, asked.simulations, asked.seed),
         "cma": lambda: _cma(space, asked),
     }
