@@ -115,7 +115,8 @@ class Store:
         self._fork(_foreign)
         self._rig("campaign", "run", "campaign.toml", "--out", "camp", "--logs", "all", "--json")
         self._rig("campaign", "run", "reliability", "--out", "cells", "--runs", "2", "--workers", "1", "--json")
-        self._rig("search", "tank.toml", *"--plant tank.py:tank --flights 8 --workers 1 --out tanked --json".split())
+        of_tank = ("tank.toml", "--plant", "tank.py:tank", "--flights", "8", "--workers", "1", "--json")
+        self._rig("search", *of_tank, "--out", "tanked")
         few = ("--flights", "1", "--order", "1", "--conditions", "level-settled", "--workers", "1")
         self._rig("reliability", "cutsets", "--out", "cuts", *few, "--json")
 

@@ -103,7 +103,7 @@ def main() -> int:
     parser.add_argument("--only", default="")
     given = parser.parse_args()
     sys.path.insert(0, str(PLANTS))
-    from automatic_transmission import transmission
+    from automatic_transmission import transmission  # pyright: ignore[reportMissingImports]
 
     began, runner = time.perf_counter(), Here(transmission, 60.0)
     lines = []
