@@ -9,7 +9,7 @@ from functools import wraps
 from inspect import Parameter, Signature
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn, TypeVar, get_type_hints
 
 from typer import Argument, Exit, Option, echo
 
@@ -165,11 +165,16 @@ def unflown(count: int, first_reason: str | None) -> str:
     return f"{count} {'run' if count == 1 else 'runs'} could not be flown; {first_reason}"
 
 
+def end_interrupted(signal: int, done: str) -> NoReturn:
+    """Exit with a line as the ``signal`` asked.  done : what is done"""
+    echo(f"stopped: {done}; {GOES_ON}", err=True)
+    raise Exit(CODE + signal)
+
+
 def require_ended(ended: Ending, done: str, again: str = FLIES_AGAIN) -> None:
     """Exit with a line unless all runs are flown.  done : the runs that are done"""
     if ended.interrupted:
-        echo(f"stopped: {done}; {GOES_ON}", err=True)
-        raise Exit(CODE + ended.signal)
+        end_interrupted(ended.signal, done)
     if ended.not_flown:
         echo(f"failed: {unflown(ended.not_flown, ended.first_reason)}; {again}", err=True)
         raise Exit(1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from typer import echo
 
-from rig.cli.common import emit, require_ended
+from rig.cli.common import emit, end_interrupted
 from rig.cli.printing import field
 from rig.cli.working import working
 from rig.core.errors import BadInput
@@ -50,10 +50,9 @@ def search_a_plant(options: SearchOptions, plant: str) -> None:
         )
     for warning in found.warnings:
         echo(f"warning: {warning}", err=True)
-    if not found.interrupted:
-        emit(options.as_json, found.figures, lambda: _show(found.figures, plan, options.out, found.wall_s))
-    ended: Any = found
-    require_ended(ended, f"{found.simulations} of {options.flights} simulations")
+    if found.interrupted:
+        end_interrupted(found.signal, f"{found.simulations} of {options.flights} simulations")
+    emit(options.as_json, found.figures, lambda: _show(found.figures, plan, options.out, found.wall_s))
 
 
 def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
@@ -96,10 +95,10 @@ def _narrow(ranges: dict[str, Any], plan: PlantPlan) -> Iterator[str]:
     """Yield the numbers of a cluster with their ranges; of a signal the stretches within half of its range."""
     for name, found in ranges.items():
         if name not in plan.signals:
-            yield f"{name} {found[0]:.3g} to {found[1]:.3g}"
+            yield f"{name} {_span(*found)}"
             continue
         signal, at_s = plan.signals[name], plan.duration_s / plan.signals[name].pieces
-        ends = [(f"{low:.3g} to {high:.3g}" if high > low else f"{low:.3g}", high - low) for low, high in found]
+        ends = [(_span(low, high), high - low) for low, high in found]
         stretches = [(text, width, list(of)) for (text, width), of in groupby(range(len(ends)), key=ends.__getitem__)]
         narrow = [each for each in stretches if each[1] <= 0.5 * (signal.high - signal.low)]
         for text, _, of in narrow[:_STRETCHES]:
@@ -108,6 +107,11 @@ def _narrow(ranges: dict[str, Any], plan: PlantPlan) -> Iterator[str]:
             yield f"{name} {text} at {when}"
         if len(narrow) > _STRETCHES:
             yield f"{name} in {len(narrow) - _STRETCHES} more stretches"
+
+
+def _span(low: float, high: float) -> str:
+    ends = (f"{low:.3g}", f"{high:.3g}")
+    return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
 def _number(robustness: float | None) -> str:

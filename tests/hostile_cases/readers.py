@@ -46,6 +46,8 @@ _OTHER_LOGS: Final = ("flight.ulg", "flight.bin")
 _VOTES: Final = ("votes.csv", "votes.parquet", "votes.mcap")
 _CAMPAIGN: Final[dict[str, Any]] = {"sound": "camp", "mark": "campaign.json"}
 _CELLS: Final[dict[str, Any]] = {"sound": "cells", "mark": "campaign.json"}  # of the campaign `reliability`
+_PLANT: Final = "--flights 8 --workers 1 --plant"
+_SEARCHED: Final = "plant-search.json"
 _SCENARIO: Final = "everything.toml"
 _OWN: Final = "aircraft.toml"
 _NAMES: Final = 'name = "u"\npath = "X"\n', 'name = "u"\ntransport = "udp"\ncommand = ["X"]\n'
@@ -203,12 +205,17 @@ READERS: Final[dict[str, tuple[Reader, ...]]] = {
     "score log": (_log("score X --no-baseline"),),
     "search --out": (
         Reader("search worst-pitch-rate --requirement vote --flights 40 --out X", **_CAMPAIGN, long=True),
+        Reader(f"search tank.toml {_PLANT}=tank.py:tank --out X", "tanked", ("tank.toml", "tank.py"), mark=_SEARCHED),
     ),
+    "search --plant": (Reader(f"search tank.toml {_PLANT}=X:tank --out o", "tank.py", ("tank.toml",)),),
     "search --requirements": (_requirements("search smoke --requirement vote --flights 9 --out o --requirements X"),),
     "search --unit": (
         Reader("search worst-pitch-rate --requirement vote --flights 40 --out o --unit X", "unit.toml", long=True),
     ),
-    "search campaign": (Reader("search X --requirement vote --flights 9 --out o", "campaign.toml", long=True),),
+    "search campaign": (
+        Reader("search X --requirement vote --flights 9 --out o", "campaign.toml", long=True),
+        Reader(f"search X {_PLANT}=tank.py:tank --out o", "tank.toml", ("tank.py",)),
+    ),
     "thresholds --config": (
         Reader("thresholds in.csv --config X --budget 1 --out t.toml", "vote.toml", ("in.csv",), long=True),
     ),

@@ -74,6 +74,7 @@ _OF_CHECKOUT: Final = {
     "chain.toml": "docs/examples/chain.toml",
     "handling.toml": "faults/requirements/handling.toml",
     "suite.toml": "faults/suites/bundled.toml",
+    **{name: f"docs/examples/plants/{name}" for name in ("tank.py", "tank.toml")},
 }
 
 
@@ -114,6 +115,8 @@ class Store:
         self._fork(_foreign)
         self._rig("campaign", "run", "campaign.toml", "--out", "camp", "--logs", "all", "--json")
         self._rig("campaign", "run", "reliability", "--out", "cells", "--runs", "2", "--workers", "1", "--json")
+        of_tank = ("tank.toml", "--plant", "tank.py:tank", "--flights", "8", "--workers", "1", "--json")
+        self._rig("search", *of_tank, "--out", "tanked")
         few = ("--flights", "1", "--order", "1", "--conditions", "level-settled", "--workers", "1")
         self._rig("reliability", "cutsets", "--out", "cuts", *few, "--json")
 

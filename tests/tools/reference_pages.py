@@ -108,6 +108,7 @@ FUNCTIONS: Final = (
     ("rig.report", "rig/show/pages/flight_page.py", "write_report"),
     ("rig.vote", "rig/bench/api.py", "vote"),
     ("rig.diagnose", "rig/bench/api.py", "diagnose"),
+    ("rig.search", "rig/studies/search/plants/plant_api.py", "search"),
     ("rig.read_log", "rig/show/notebook/log.py", "read_log"),
 )
 _LOG: Final = "rig/log/reader.py"
@@ -121,6 +122,7 @@ CLASSES: Final = (
     ("SignalDiagnosis", [("rig/bench/diagnose/findings.py", "SignalDiagnosis")]),
     ("Convention", [("rig/bench/diagnose/findings.py", "Convention")]),
     ("InFlight", [("rig/bench/diagnose/findings.py", "InFlight")]),
+    ("PlantSearched", [("rig/studies/search/plants/run_plant_search.py", "PlantSearched")]),
     ("SignalArrays", [(_LOG, "SignalArrays")]),
     ("DiscreteArrays", [(_LOG, "DiscreteArrays")]),
     ("Event", [("rig/core/event.py", "Event")]),

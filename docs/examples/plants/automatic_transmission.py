@@ -3,7 +3,7 @@
     rig search automatic_transmission.toml --plant automatic_transmission.py:transmission --requirement AT1 ...
 
 Model and requirements: Hoxha, Abbas and Fainekos, 'Benchmarks for temporal logic requirements for automotive systems',
-ARCH 2014, after the Simulink demonstration sldemo_autotrans.  Written anew from the published equations and tables: an
+ARCH 2014, after the Simulink demonstration sldemo_autotrans.  Written from the published equations and tables: an
 engine with a torque map, a torque converter, four gears, a vehicle with drag and brakes.  Explicit Euler, 0.04 s; a
 gear changes when the speed was beyond its threshold for 0.08 s.  Speed in mph, engine speed in rpm, torque in ft lb.
 A public restatement has 0.667 in place of 0.677 for the fourth gear.

@@ -27,12 +27,14 @@ def search(
     """Search for numbers and signals with which a plant violates its requirements.
 
     function : of the arguments that the plan names, which returns times (n,) in s and a table of columns (n,) by name;
-        it runs in this process.  Or "FILE.py:function", which runs in ``workers`` processes
+        it runs in this process.  Or "FILE.py:function"
     plan : TOML file, or its tables
     simulations : number of points that are simulated
     requirements : ids; all of the plan if there are none
     method : regions, cma or random
-    out : folder for the results, in which an unfinished search of a file resumes; None: nothing is written
+    seed : seed of the search
+    out : folder for the results, in which an unfinished search resumes; None: nothing is written
+    workers : number of processes for "FILE.py:function"
     BadInput, one line: names the file and the key.
     """
     settings = plan if isinstance(plan, PlantPlan) else read_plan(plan)

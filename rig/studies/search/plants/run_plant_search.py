@@ -56,16 +56,14 @@ class PlantAsked:
 class PlantSearched:
     """The end of a search."""
 
-    figures: dict[str, Any]  # as ``--json`` prints them; empty when interrupted
-    warnings: tuple[str, ...] = ()
-    simulations: int = 0  # in the folder
-    wall_s: float = 0.0
-    interrupted: bool = False
-    signal: int = 0
-    not_flown: int = 0  # simulations that failed are rows, and no reason to repeat the command
-    first_reason: str | None = None
-    draws: list[Draw] = field(default_factory=list, repr=False)
-    results: list[Simulated] = field(default_factory=list, repr=False)
+    figures: dict[str, Any]  # figures, as ``--json`` prints them; empty when interrupted
+    warnings: tuple[str, ...] = ()  # warnings, such as of a missing scale
+    simulations: int = 0  # simulations in the folder
+    wall_s: float = 0.0  # time taken, s
+    interrupted: bool = False  # True: it was asked to stop
+    signal: int = 0  # signal that interrupted it
+    draws: list[Draw] = field(default_factory=list, repr=False)  # inputs of each simulation, in the unit cube
+    results: list[Simulated] = field(default_factory=list, repr=False)  # result of each
 
 
 def identity(plan: PlantPlan, asked: PlantAsked, sources: dict[str, str]) -> dict[str, Any]:
