@@ -74,7 +74,7 @@ def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
     return {
         "keys": tests.keys,
         "largest": tests.shares,
-        "margin": tests.margins,
+        "reserve": tests.reserves,
         "held_out_beyond": tests.beyond,
         "flights": tests.flights,
         "noise": tests.noise,
