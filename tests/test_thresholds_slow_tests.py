@@ -86,7 +86,7 @@ def test_the_error_of_a_reference_is_that_beside_its_bias():
     assert measured(noise(4, 8000), moved).errors[0] == pytest.approx(0.2, rel=0.15)
 
 
-def test_a_factor_is_the_margin_times_the_largest_share_and_has_a_least():
+def test_a_factor_is_the_reserve_times_the_largest_share_and_has_a_least():
     keys = keys_of([of((0.5, 1.2, 0.9)), of((2.0, 0.4, 0.1))], THRESHOLD)
     assert keys == {"factor": 2.6, "squares_factor": 1.56, "halves_factor": 1.17}
     assert keys_of([of((0.5, 0.2, 0.4))], THRESHOLD) == {"factor": 1.1, "squares_factor": 1.1, "halves_factor": 1.0}

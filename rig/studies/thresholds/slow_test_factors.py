@@ -4,8 +4,8 @@ The tests run with factors of 1 over every flight, and isolate no channel.  A sh
 bare limit.
 
 factors    RESERVE times the largest share of the means, of the mean of squares and of the halves, and at least LEAST
-reference  level: REFERENCE_RESERVE times the largest error at rest, a mean over 0.25 s without the learned bias; and the
-           share of the rate of motion by which larger errors in motion exceed it
+reference  level: REFERENCE_RESERVE times the largest error at rest, a mean over 25 frames without the learned bias;
+           and the share of the rate of motion by which larger errors in motion exceed it
 hold-out   every second flight designs, the shares of the others are counted that exceed the factors; and the other way
 """
 
