@@ -240,6 +240,14 @@ def test_a_scenario_takes_the_figures_of_its_sensors_and_refuses_a_sensor_withou
     table: dict[str, Any] = {"redundancy": {"signals": {"pitch_rate": {"slow_tests": {"factor": 1.3}}}}}
     tested = load({**table, "duration_s": 1.0}).redundancy.signals.pitch_rate.slow_tests
     assert tested is not None and tested.factor == 1.3 and tested.noise_std is None
+    table["redundancy"]["signals"]["pitch_rate"]["slow_tests"] = {"bias_tolerance": 9.0}
+    with pytest.raises(BadInput, match=r"pitch_rate\.slow_tests: biases are learned up to 1\.7 bias_tolerance, 15\.3"):
+        load({**table, "duration_s": 1.0})
+    table["redundancy"]["signals"]["pitch_rate"]["slow_tests"] = {"factor": 0.9}
+    with pytest.raises(BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests\.factor") as refused:
+        load({**table, "duration_s": 1.0})
+    assert "\n" not in str(refused.value)
+    table["redundancy"]["signals"]["pitch_rate"]["slow_tests"] = {"factor": 1.3}
     silent = {"sensors": {"pitch_rate": {"noise_std": 0.0}}}
     with pytest.raises(BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests: needs noise_std"):
         load({**table, **silent, "duration_s": 1.0})

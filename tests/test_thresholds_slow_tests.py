@@ -15,6 +15,7 @@ import tomli_w
 from conftest import FEWER, vote_samples
 
 from rig.computer.redundancy.slow_tests_config import SlowTests
+from rig.core.frame import SIGNALS
 from rig.core.settings import read_toml
 from rig.log.recordings.recorded_signal import RecordedSignal
 from rig.scenario.scenario import load
@@ -85,11 +86,11 @@ def test_the_error_of_a_reference_is_that_beside_its_bias():
     assert measured(noise(4, 8000), moved).errors[0] == pytest.approx(0.2, rel=0.15)
 
 
-def test_a_factor_is_the_margin_times_the_largest_share_and_has_a_least():
+def test_a_factor_is_the_reserve_times_the_largest_share_and_has_a_least():
     keys = keys_of([of((0.5, 1.2, 0.9)), of((2.0, 0.4, 0.1))], THRESHOLD)
     assert keys == {"factor": 2.6, "squares_factor": 1.56, "halves_factor": 1.17}
     assert keys_of([of((0.5, 0.2, 0.4))], THRESHOLD) == {"factor": 1.1, "squares_factor": 1.1, "halves_factor": 1.0}
-    assert keys_of([of((2.0, 2.0, 2.0))], THRESHOLD, margin=1.5)["factor"] == 3.0
+    assert keys_of([of((2.0, 2.0, 2.0))], THRESHOLD, reserve=1.5)["factor"] == 3.0
 
 
 def test_a_reference_has_a_level_and_a_rise_with_the_rate_of_motion():
@@ -105,7 +106,7 @@ def test_a_reference_has_a_level_and_a_rise_with_the_rate_of_motion():
 def test_half_of_the_flights_is_held_out_and_those_beyond_the_factors_are_told():
     flights = [of((1.0, 1.0, 1.0)) for _ in range(5)]
     made = slow_design(flights, GIVEN, (THRESHOLD, 4), RATE)
-    assert (made.beyond, made.flights, made.notes) == (0, 5, []) and made.margins["factor"] == pytest.approx(1.3)
+    assert (made.beyond, made.flights, made.notes) == (0, 5, []) and made.reserves["factor"] == pytest.approx(1.3)
     made = slow_design([*flights, of((1.0, 1.4, 1.0))], GIVEN, (THRESHOLD, 4), RATE)
     assert made.beyond == 1 and made.notes == [
         "slow-fault tests: 1 of 6 held-out flights exceed the factors of the others"
@@ -279,6 +280,16 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "figures without noise": ({"default": {"slow_tests": {"bias_tolerance": 0.1}}}, "slow_tests: needs noise_std"),
 }
+
+
+@pytest.mark.parametrize("name", ["f16", "b737", "b747"])
+def test_the_examples_have_tests_on_every_signal(name: str):
+    """Sticks, pedal and dynamic pressure have no reference, or one that is too far off to decide."""
+    scenario = load(EXAMPLES / f"{name}.toml")
+    signals = {signal.name: getattr(scenario.redundancy.signals, signal.name).slow_tests for signal in SIGNALS}
+    assert scenario.aircraft == name and None not in signals.values()
+    without = {key for key, of in signals.items() if of is not None and not of.reference_error}
+    assert without == {"stick_pitch", "stick_roll", "pedal", "dynamic_pressure"}
 
 
 @pytest.mark.parametrize("case", BAD)

@@ -1,4 +1,4 @@
-"""What ``rig thresholds --slow-tests`` prints: factors with their margins, and the delay of each size of fault."""
+"""Print the design of slow-fault tests: factors with their reserve, and the delay of each size of fault."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def show_slow_tests(signals: dict[str, Any]) -> None:
     if not rows:
         return
     line()
-    line("slow-fault tests: factor on each limit (largest share in the data x margin); error of the reference at rest")
+    line("slow-fault tests: factor on each limit (largest share in the data x reserve); error of the reference at rest")
     line("and its rise in motion, frames; held-out flights that exceed the factors of the others")
     table(rows, _FACTORS)
     line()
@@ -32,8 +32,8 @@ def _factor(key: str) -> Column:
     """Return the column of one factor."""
 
     def told(row: dict[str, Any]) -> str:
-        margin = row["margin"][key]
-        by = "" if margin is None else f" x {margin:.2f}"
+        reserve = row["reserve"][key]
+        by = "" if reserve is None else f" x {reserve:.2f}"
         return f"{row['keys'][key]:.3g} ({row['largest'][key]:.2f}{by})"
 
     return Column(_NAMES[key], told)

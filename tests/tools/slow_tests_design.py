@@ -20,13 +20,13 @@ from rig.scenario import aircraft
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.plan import Plan
 from rig.studies.thresholds.design_report import of_slow_tests
-from rig.studies.thresholds.slow_test_factors import MARGIN, Measured, SlowDesign, bare_tests, slow_design, watched
+from rig.studies.thresholds.slow_test_factors import RESERVE, Measured, SlowDesign, bare_tests, slow_design, watched
 from rig.verdict.monitored_places import monitor
 from rig.world import sensors
 
 NAMES = [signal.name for signal in SIGNALS]
 HEAD = """\
-# {aircraft} with slow-fault tests on all signals, designed by tests/tools/slow_tests_design.py: {margin:g} times the
+# {aircraft} with slow-fault tests on all signals, designed by tests/tools/slow_tests_design.py: {reserve:g} times the
 # largest share of each limit in {flights} healthy flights ({hours:.3g} h) of the campaign "healthy",
 # with manoeuvres and up to severe turbulence.
 """
@@ -68,7 +68,7 @@ def main() -> None:
     told = {name: {"unit": SIGNALS[s].unit, "slow_tests": of_slow_tests(made[name])} for s, name in enumerate(NAMES)}
     show_slow_tests(told)
     if len(sys.argv) > 5:
-        head = HEAD.format(aircraft=name, margin=MARGIN, flights=len(found), hours=sum(of[2] for of in found))
+        head = HEAD.format(aircraft=name, reserve=RESERVE, flights=len(found), hours=sum(of[2] for of in found))
         signals = {name: {"slow_tests": of.keys} for name, of in made.items()}
         tables = {"aircraft": name, "redundancy": {"signals": signals}}
         Path(sys.argv[5]).write_text(head + "\n" + tomli_w.dumps(tables))

@@ -69,12 +69,12 @@ def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
 
 
 def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
-    """Return the design of slow-fault tests: keys, largest shares with margins, and delays by size in thresholds."""
+    """Return the design of slow-fault tests: keys, largest shares with reserves, and delays by size in thresholds."""
     offsets = {f"{size:g}": delay_s for size, delay_s in zip(OFFSETS, tests.delays.offsets, strict=True)}
     return {
         "keys": tests.keys,
         "largest": tests.shares,
-        "margin": tests.margins,
+        "reserve": tests.reserves,
         "held_out_beyond": tests.beyond,
         "flights": tests.flights,
         "noise": tests.noise,

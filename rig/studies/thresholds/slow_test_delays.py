@@ -1,4 +1,4 @@
-"""What each size of fault costs in delay: time until the slow-fault tests isolate one channel, from their limits.
+"""Compute the time until the slow-fault tests isolate one channel, by the size of its fault, from their limits.
 
 Noise is left out.  A constant offset of z units of noise moves a leaky mean over T frames to z (1 - (1 - 1/T)^n) in n
 frames.  It reaches the limit L in
@@ -6,7 +6,7 @@ frames.  It reaches the limit L in
     n = ln(1 - L / min(z, s)) / ln(1 - 1/T),    s = L / (1 - exp(-BURST / T))
 
 frames, and never if z <= L.  s is the largest step that counts: no offset is isolated before BURST frames.
-Of the mean of squares, which begins at 1, z^2 and its own limit stand there.  The earliest of the three counts.
+The mean of squares begins at 1: z^2 and its own limit take their places.  The earliest of the three counts.
 The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOWS).
 A drift is learned as a bias while every share is small, so its means are moved frame by frame.
 Added: docs/explanation/decisions.md, 'Slow-fault tests'.

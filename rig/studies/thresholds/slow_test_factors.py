@@ -3,9 +3,9 @@
 The tests run with factors of 1 over every flight, and isolate no channel.  A share is what a statistic reaches of its
 bare limit.
 
-factors    MARGIN times the largest share of the means, of the mean of squares and of the halves, and at least LEAST
-reference  level: REFERENCE_MARGIN times the largest error at rest, a mean over 0.25 s without the learned bias; and the
-           share of the rate of motion by which larger errors in motion exceed it
+factors    RESERVE times the largest share of the means, of the mean of squares and of the halves, and at least LEAST
+reference  level: REFERENCE_RESERVE times the largest error at rest, a mean over 25 frames without the learned bias;
+           and the share of the rate of motion by which larger errors in motion exceed it
 hold-out   every second flight designs, the shares of the others are counted that exceed the factors; and the other way
 """
 
@@ -30,11 +30,11 @@ from rig.studies.thresholds.design import rounded_up
 from rig.studies.thresholds.slow_test_delays import Delays, delays
 
 Floats = NDArray[np.float64]
-MARGIN: Final = 1.3  # of the factors
+RESERVE: Final = 1.3  # of the factors
 # Factors where the data ask for less.  Halves have no reserve: their reference decides, and a pair that is suspected
 # late is mistaken for one channel.
 LEAST: Final = {"factor": 1.1, "squares_factor": 1.1, "halves_factor": 1.0}
-REFERENCE_MARGIN: Final = 1.2
+REFERENCE_RESERVE: Final = 1.2
 LEAST_ERROR: Final = 0.02  # thresholds: what a reference is trusted to at most
 MOST_ERROR: Final = 0.4  # thresholds: a reference in error by more decides nothing
 FACTORS: Final = tuple(LEAST)
@@ -75,7 +75,7 @@ class SlowDesign:
     delays: Delays
 
     @property
-    def margins(self) -> dict[str, float | None]:
+    def reserves(self) -> dict[str, float | None]:
         """Return what each factor is of the largest share; None where the data have none."""
         return {name: self.keys[name] / share if share > 0.0 else None for name, share in self.shares.items()}
 
@@ -121,30 +121,35 @@ def watched(flight: tuple[Floats, Floats | None], params: Any, tests: Mapping[st
 
 
 def slow_design(
-    flights: Sequence[Measured], given: SlowTests, thresholds: tuple[float, int], rate_hz: float, margin: float = MARGIN
+    flights: Sequence[Measured],
+    given: SlowTests,
+    thresholds: tuple[float, int],
+    rate_hz: float,
+    reserve: float = RESERVE,
 ) -> SlowDesign:
     """Return the design from what was measured in ``flights``, of which there is one at least.
 
     given : figures of the sensor; thresholds : that of all channels, unit of the signal, and how many channels
     """
     threshold, channels = thresholds
-    keys, largest = keys_of(flights, threshold, margin), _largest(flights)
+    keys, largest = keys_of(flights, threshold, reserve), _largest(flights)
     halves = (flights[0::2], flights[1::2])
     beyond = None
     if all(halves):
-        beyond = sum(_beyond(keys_of(one, threshold, margin), other) for one, other in (halves, halves[::-1]))
+        beyond = sum(_beyond(keys_of(one, threshold, reserve), other) for one, other in (halves, halves[::-1]))
     noise = float(np.median([flight.noise for flight in flights]))
     made = given.model_copy(update=keys)
     told = delays(made, made.sheet(None), threshold, max(noise, 1e-300), (channels, rate_hz))
     return SlowDesign(keys, dict(zip(FACTORS, largest, strict=True)), beyond, len(flights), noise, told)
 
 
-def keys_of(flights: Sequence[Measured], threshold: float, margin: float = MARGIN) -> dict[str, float]:
+def keys_of(flights: Sequence[Measured], threshold: float, reserve: float = RESERVE) -> dict[str, float]:
     """Return the keys of ``slow_tests``; those of the reference only if it was seen and is exact enough."""
     keys = {
-        name: _rounded(max(LEAST[name], margin * share)) for name, share in zip(FACTORS, _largest(flights), strict=True)
+        name: _rounded(max(LEAST[name], reserve * share))
+        for name, share in zip(FACTORS, _largest(flights), strict=True)
     }
-    errors = REFERENCE_MARGIN * np.max([flight.errors for flight in flights], axis=0)
+    errors = REFERENCE_RESERVE * np.max([flight.errors for flight in flights], axis=0)
     level = max(float(errors[0]), LEAST_ERROR * threshold)
     if errors.any() and level < MOST_ERROR * threshold:
         rises = [(float(e) - level) / (BIN * threshold * b) for b, e in enumerate(errors) if b > 0 and e > 0.0]
