@@ -246,13 +246,15 @@ class Oracle:
         """Latch, those of small deviations too; what is summed begins again then, else biases move."""
         view.trusted = self.references.trusted  # as this frame left it
         slow = self.slow_faults.summed(view) if decided_by != "common" else set()
+        tested = set[int]()
         if decided_by != "common":
-            slow = slow | self.slow_tests.isolated(view, view.trusted, self.split.whole)
+            tested = self.slow_tests.isolated(view, view.trusted, self.split.whole)
+        slow, by = slow | tested, self.slow_tests.by if tested else "slow"
         self.reached("slow", slow)
         self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
         self.fail(view, decided_by, wrong)
-        decided_by = "slow" if slow else decided_by
+        decided_by = by if slow else decided_by
         if self.split.given_up(self.s):
             self.reached("given up")
             self.failed, decided_by = set(range(self.s.channels)), "given_up"

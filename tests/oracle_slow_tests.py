@@ -90,6 +90,7 @@ class SlowTests:
         rho = None if view.reference is None else self.s.change(view.reference - self.reference_bias, m)
         half_share, way, alike = self.halves(y, rho, a) if self.k and n != 3 else (0.0, 0, False)
         found = self.half(way, half_share if alike else 0.0, rho, trusted, set(y))
+        self.by = "slow_halves"
         stopped = (alike and half_share * self.s.slow_halves > 0.5) or ":" in view.pattern or n < 3
         if not found and not stopped:
             found = self.one(shares)
@@ -108,6 +109,7 @@ class SlowTests:
     def shares(self, residuals: dict[int, float], a: float, sigma: float) -> dict[int, float]:
         """The largest of the three, each as a share of its limit; the noise follows."""
         shares: dict[int, float] = {}
+        self.of_means: dict[int, float] = {}
         square_limit = self.squares_limit
         most = sigma**2 * (1.0 + square_limit / (1.0 - exp(-14.0 / 128.0)))
         for c, whole in residuals.items():
@@ -119,6 +121,7 @@ class SlowTests:
                 of.append(abs(mean.move(cut(r / sigma, limit / (1.0 - exp(-14.0 / frames))), frames)) / limit)
             square = self.squares[c].move(min(r * r, most), min(self.k, 128))
             of = of if self.k >= 200 else [0.0]
+            self.of_means[c] = max(of)
             shares[c] = max([*of, *([(square / sigma**2 - 1.0) / square_limit] if self.k >= 500 else [])])
         ranked = sorted(self.whole[c].value for c in residuals)
         self.shaken = ranked[1] if len(ranked) > 2 else ranked[0]
@@ -131,7 +134,8 @@ class SlowTests:
         calm = sum(share < 0.5 * shares[worst] for share in shares.values())
         alone = calm > len(shares) / 2 or (len(shares) == 4 and calm == 2)
         if shares[worst] > 1.0:
-            self.rules.add("test: one" if alone else "test: not alone")
+            self.by = "slow_means" if shares[worst] == self.of_means[worst] else "slow_squares"
+            self.rules.add(f"test: one by {self.by}" if alone else "test: not alone")
         return {worst} if shares[worst] > 1.0 and alone else set()
 
     @property

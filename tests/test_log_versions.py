@@ -4,7 +4,7 @@ tests/logs/flight_schema_2.mcap: the default scenario, seed 3, 0.6 s, the hardov
 vote_schema_2.mcap: its pitch rate through ``rig vote`` of that version, threshold 0.05.
 flight_schema_4.mcap: the same flight for 0.4 s, by the last version that wrote a chunk frame by frame;
 flight_schema_5.mcap: the default scenario, seed 3, 0.4 s, by the last version without the tie-break rules lane and
-given_up.
+given_up; flight_schema_7.mcap: the same, by the last version without the rules of the slow-fault tests.
 """
 
 import json
@@ -106,7 +106,7 @@ def test_the_commands_work_on_it(run: Any, tmp_path: Path):
     assert code in (0, 1) and "10 different" in out  # references that version did not have, or had otherwise
     code, out, _ = run("score", log)
     assert code == 0 and "detected" in out
-    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 7)" in log.with_suffix(".html").read_text()
+    assert run("report", log)[0] == 0 and "schema 2 (this rig writes 8)" in log.with_suffix(".html").read_text()
     assert run("export", log, "--to", "npz")[0] == 0
     assert run("view", log, "--save", tmp_path / "a.rrd")[0] == 0 and (tmp_path / "a.rrd").stat().st_size > 10_000
     assert run("replay", log, "--set", "redundancy.signals.pitch_rate.persistence=4")[0] in (0, 1)
@@ -134,8 +134,9 @@ def test_a_log_frame_by_frame_is_read_replayed_and_counted(run: Any, tmp_path: P
     assert code == 0 and topics["/flight"] == topics["/pose"] == 40
 
 
-def test_a_log_topic_by_topic_of_the_last_version_is_read_and_replayed(run: Any, tmp_path: Path):
-    log = Path(shutil.copy(LOGS / "flight_schema_5.mcap", tmp_path))
+@pytest.mark.parametrize("version", [5, 7])
+def test_a_log_topic_by_topic_of_an_older_version_is_read_and_replayed(run: Any, tmp_path: Path, version: int):
+    log = Path(shutil.copy(LOGS / f"flight_schema_{version}.mcap", tmp_path))
     rows = read_log(log).rows
     assert rows["frame"].tolist() == list(range(40)) and np.isfinite(rows["voted"]).all()
     assert run("replay", log)[0] == 0 and run("score", log)[0] == 0

@@ -61,7 +61,7 @@ def test_an_offset_of_two_noises_is_found_with_its_rule():
     samples[1200:, 2] += 2.0 * SIGMA
     out = vote(samples)
     k = (out.failed_at()[2] or 0) - 1
-    assert 1200 < k < 1300 and out.decided_by[k] == DecidedBy.SLOW and (out.state[:k] < State.FAILED).all()
+    assert 1200 < k < 1300 and out.decided_by[k] == DecidedBy.SLOW_MEANS and (out.state[:k] < State.FAILED).all()
     assert vote_samples(samples, threshold=THRESHOLD).failed_at() == [None] * 4
 
 
@@ -83,8 +83,11 @@ def test_what_has_no_mean_is_found_by_its_square(kind: str):
     else:
         samples += 0.5 * np.sin(np.arange(4000) / 60.0)[:, None]
         samples[2000:, 0] = samples[2000, 0]
-    failed = vote(samples).failed_at()
+    out = vote(samples)
+    failed = out.failed_at()
     assert 2000 < (failed[0] or 0) < 2100 and failed[1:] == [None] * 3
+    by = DecidedBy.SLOW_MEANS if kind == "stuck" else DecidedBy.SLOW_SQUARES  # the residual of a stuck one swings
+    assert out.decided_by[(failed[0] or 0) - 1] == by
 
 
 @pytest.mark.parametrize("filter_s", [0.0, 0.1])
@@ -146,8 +149,10 @@ def test_two_alike_are_isolated_by_the_slope_whatever_the_constant_error_of_the_
     for seed in SEEDS:
         samples = noise(seed, 3000)
         samples[1500:, pair] += 0.12
-        failed = vote(samples, truth(seed, 3000, error)).failed_at()
+        out = vote(samples, truth(seed, 3000, error))
+        failed = out.failed_at()
         assert all(1500 < (failed[c] or 0) < 1800 for c in pair), (seed, failed)
+        assert out.decided_by[(failed[pair[0]] or 0) - 1] == DecidedBy.SLOW_HALVES
         assert [failed[c] for c in range(4) if c not in pair] == [None, None], (seed, failed)
 
 

@@ -363,13 +363,6 @@ def test_a_system_that_refuses_is_quoted(monkeypatch):
         assert got == {}
 
 
-@needs_a_compiler
-def test_a_unit_in_the_place_of_the_manager_is_refused_slow_fault_tests(tmp_path: Path):
-    sets = ["redundancy.signals.pitch_rate.slow_tests.factor=1.2"]
-    with pytest.raises(BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests: a unit that replaces"):
-        fly(tmp_path, unit(tmp_path, "monitor"), *sets)
-
-
 WHAT_LASTS = (
     ["outlier_threshold=0.002", "equalise_bound=0.001", "equalise_s=0.2"],
     ["slow_allowance=0.002", "slow_limit=0.0002"],

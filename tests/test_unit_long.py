@@ -35,7 +35,7 @@ FLAGS = ("trend_high", "trend_low", "reference_usable", "common_mode")
 ANSWERED = ("voted", "state", "level", "pattern", "decided_by", *FLAGS)
 
 
-def settings(row: NDArray[Any], slow_faults: NDArray[Any], rules: NDArray[Any]) -> Settings:
+def settings(row: NDArray[Any], slow_faults: NDArray[Any], rules: NDArray[Any], tests: NDArray[Any]) -> Settings:
     """The oracle's settings of the CONFIG records of one signal."""
     number = {name: float(row[name]) for name in row.dtype.names or () if row[name].ndim == 0}
     return Settings(
@@ -64,6 +64,7 @@ def settings(row: NDArray[Any], slow_faults: NDArray[Any], rules: NDArray[Any]) 
         slow_limit=float(slow_faults["slow_limit"]),
         stale_frames=int(slow_faults["stale_frames"]),
         **{name: rules[name].item() for name in told("rules")},
+        **{name: tests[name].item() for name in told("slow_tests")},
     )
 
 
@@ -94,8 +95,8 @@ class FadingOracle(ResettableOracle):
 
 def oracle_of(config: NDArray[Any], i: int) -> FadingOracle:
     """The oracle of signal ``i``."""
-    row, slow_faults, rules = (config[part][0, i] for part in ("signal", "slow_faults", "rules"))
-    oracle = FadingOracle(settings(row, slow_faults, rules), readmit_frames=int(row["readmit_frames"]))
+    row, *parts = (config[part][0, i] for part in ("signal", "slow_faults", "rules", "slow_tests"))
+    oracle = FadingOracle(settings(row, *parts), readmit_frames=int(row["readmit_frames"]))
     oracle.fade_frames, oracle.low, oracle.shown = int(row["fade_frames"]), float(row["low"]), int(row["fitted"])
     return oracle
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from unit_files import COMPILER, Library, config, differing, inputs, library
-from unit_rows import HUGE, random_discretes, random_params, random_rows, vote
+from unit_rows import HUGE, give_slow_tests, random_discretes, random_params, random_rows, slow_rows, vote
 
 from rig.core.frame import INDEX, Block, DecidedBy, Ilm, Law, Pattern, State
 from rig.flight.loop import fly_rows, redundancy
@@ -75,7 +75,7 @@ def test_random_rows_are_voted_to_the_same_bits_and_reach_every_state_and_readmi
         for name, found in (("level", "readmitted"), ("discrete_level", "discrete readmitted")):
             seen[found] += int((np.diff(rows[name].astype(int), axis=0) > 0).sum())
     expected = [("pattern", one) for one in Pattern] + [("decided_by", one) for one in members(DecidedBy)]
-    expected.remove(("decided_by", DecidedBy.LANE))  # a unit has no lanes to ask
+    expected = [one for one in expected if one[1] not in (DecidedBy.LANE, *OF_TESTS)]  # a unit has no lanes to ask
     expected += [(name, one) for name in ("state", "discrete_state") for one in State]
     counts = {one: seen[one] for one in (*expected, "common mode", "readmitted", "discrete readmitted")}
     assert min(counts.values()) >= 10, counts
@@ -86,6 +86,31 @@ def test_so_are_rows_with_infinities_and_numbers_near_the_largest(monitor: Libra
     for flight in range(RANDOM_FLIGHTS):
         record, rows = random_flight((seed, flight), hostile=True)
         assert differing(monitor.fly(record, rows), rows) == {}, flight
+
+
+OF_TESTS = (DecidedBy.SLOW_MEANS, DecidedBy.SLOW_SQUARES, DecidedBy.SLOW_HALVES)
+
+
+def slow_flight(seed: Sequence[int], hostile: bool = False) -> tuple[np.ndarray, Block]:
+    """CONFIG with slow-fault tests on all signals, and rows voted by the kernels."""
+    draw = np.random.default_rng(seed)
+    params, discretes = random_params(draw), random_discretes(draw)
+    give_slow_tests(draw, params)
+    if hostile:
+        params["low"][::5], params["high"][::5] = -HUGE, HUGE
+    rows = slow_rows(draw, params, 1500, hostile)
+    manager = vote(rows, params, discretes, None, 4)
+    return config(params, discretes, manager.boxes), rows
+
+
+@pytest.mark.parametrize("hostile", [False, True])
+def test_so_are_rows_long_enough_for_the_slow_fault_tests(monitor: Library, hostile: bool):
+    seen: Counter[int] = Counter()
+    for flight in range(RANDOM_FLIGHTS):
+        record, rows = slow_flight((200, flight), hostile)
+        assert differing(monitor.fly(record, rows), rows) == {}, flight
+        seen.update(rows["decided_by"].ravel().tolist())
+    assert min(seen[one] for one in OF_TESTS) >= 10, seen
 
 
 # Each switch that versions 2 and 3 of the records brought, and what it is when it is off.

@@ -91,6 +91,52 @@ def _give_rules(draw: Generator, params: NDArray[Any]) -> None:
     params["box"] = BOXES[draw.integers(len(BOXES))](draw)
 
 
+# Slow-fault tests, which learn for seconds before they isolate ----------------------------------------------
+
+SIGMA = 0.02  # thresholds: noise of a healthy channel
+SMALL = np.array([0.0] * 30 + [0.1, -0.1, 0.2, -0.4])  # thresholds, of a channel, or of two at once
+NOISY = np.array([1.0] * 40 + [6.0])  # times the noise
+AWAY = np.array([0.0] * 60 + [4.0])  # thresholds, which the comparison finds
+
+
+def give_slow_tests(draw: Generator, params: NDArray[Any]) -> None:
+    """Slow-fault tests on all signals."""
+    threshold = params["threshold"]
+    for name, choices in (("slow_means", [1.0, 1.3]), ("slow_squares", [1.0, 1.7]), ("slow_halves", [1.0, 1.0, 2.0])):
+        params[name] = draw.choice(choices, S)
+    params["slow_bias"], params["slow_scale"] = threshold * draw.choice([0.05, 0.3], S), draw.choice([0.0, 0.01], S)
+    params["slow_noise"], params["slow_skew"] = 0.5 * SIGMA * threshold, draw.choice([0.0, 0.5], S)
+    params["slow_reference"] = SIGMA * threshold * draw.choice([0.0, 0.5, 2.0, 2.0], S)
+    params["slow_reference_frames"] = draw.choice([0.0, 1.0], S)
+
+
+def slow_rows(draw: Generator, params: NDArray[Any], frames: int, hostile: bool = False) -> Block:
+    """Rows of noise and small biases, with rare small faults of a channel or of two, and rarer large ones."""
+    rows, threshold = new_block(frames), params["threshold"]
+    moving = episodes(draw, frames, (S,), np.array([-0.02, 0.0, 0.0, 0.0, 0.02]), 200.0)
+    truth = 0.5 * (params["low"] + params["high"]) + threshold * np.cumsum(moving, axis=0)
+    shape = (frames, S, CHANNELS)
+    pair = draw.random((S, 3))
+    member = (np.arange(CHANNELS) == 0) | (np.arange(CHANNELS) == 1 + pair.argmax(axis=1)[:, None])
+    channels = SIGMA * episodes(draw, frames, shape[1:], NOISY, 300.0) * draw.standard_normal(shape)
+    channels += draw.uniform(-0.04, 0.04, shape[1:]) + episodes(draw, frames, shape[1:], SMALL, 300.0)
+    channels += episodes(draw, frames, (S, 1), SMALL, 300.0) * member
+    channels += episodes(draw, frames, shape[1:], AWAY, 300.0)
+    channels = truth[..., None] + threshold[:, None] * channels
+    channels[draw.random(shape) < 5e-4] = np.nan
+    if hostile:
+        wild = draw.random(shape) < 1e-3
+        channels[wild] = draw.choice(MAGNITUDES, wild.sum())
+    rows["channels"], rows["valid"] = _on_the_circle(channels, params), 1
+    rows["ilm"] = Ilm.ABSENT
+    off = draw.uniform(-0.2, 0.2, S) + 0.2 * SIGMA * draw.standard_normal((frames, S))
+    rows["reference"] = _on_the_circle(truth + threshold * np.where(draw.random(S) < 0.8, off, np.nan), params)
+    rows["second_reference"] = np.nan
+    rows["reset"] = np.where(draw.random((frames, S)) < 0.02, draw.integers(0, 256, (frames, S)), 0)
+    random_discrete_rows(draw, rows)
+    return rows
+
+
 def random_discretes(draw: Generator) -> NDArray[Any]:
     """DISCRETE_PARAMS records with short persistences."""
     params = np.zeros(D, DISCRETE_PARAMS)

@@ -30,10 +30,12 @@ from oracle_flights import (
     with_outliers,
 )
 from oracle_flights import slow_faults as with_slow_faults
+from oracle_slow_flights import slow_tests
 
 from rig.core.frame import DISCRETES
 
-FRAMES = 30  # of a case
+FRAMES = 30  # of a case,
+LONG = 720  # and of one of slow-fault tests, which learn for seconds
 RANGE = 250.0  # thresholds, either way, of a signal that is no angle
 TURN = 2 * pi
 NOISE = 1e-9  # rad; where it moves a decision, rounding would
@@ -206,6 +208,21 @@ def biased(seed: int) -> Flown:
     """A random signal whose channels differ by slow faults."""
     draw = random.Random(f"lasting {seed}")  # the word that the vectors were drawn by
     return Flown(slow_faults(with_slow_faults(build(draw.choice), draw.choice)))
+
+
+def tested(seed: int) -> Flown:
+    """A random signal with slow-fault tests and small faults, in steps that take little room in a file."""
+    draw = random.Random(f"slow tests {seed}")
+    flight = slow_tests(build(draw.choice), draw.choice)
+
+    def coarse(x: float | None, step: float) -> float | None:
+        return None if x is None else round(x / step) * step
+
+    samples = [[coarse(x, 1 / 256) for x in row] for row in flight.samples]
+    references = [coarse(x, 1 / 1024) for x in flight.references]
+    commanded = (*map(Reset, flight.resets), *[NO_RESET] * LONG)[:LONG]
+    flight = slow_faults(replace(flight, samples=samples, references=references), LONG)
+    return Flown(flight, resets=commanded, readmit_frames=flight.readmit_frames)
 
 
 def ruled(seed: int) -> Flown:
@@ -406,9 +423,9 @@ class FlownDiscrete:
         return [oracle.step(list(row), set(reset)) for row, reset in zip(self.samples, self.resets, strict=True)]
 
 
-def quiet_discrete(fail_safe: int) -> FlownDiscrete:
+def quiet_discrete(fail_safe: int, frames: int = FRAMES) -> FlownDiscrete:
     """Four channels that agree throughout."""
-    return FlownDiscrete(DiscreteSettings(fail_safe=fail_safe), ((True,) * 4,) * FRAMES)
+    return FlownDiscrete(DiscreteSettings(fail_safe=fail_safe), ((True,) * 4,) * frames, (NO_RESET,) * frames)
 
 
 def discrete(seed: str, resets: bool = True) -> FlownDiscrete:
@@ -425,9 +442,9 @@ def discrete(seed: str, resets: bool = True) -> FlownDiscrete:
     return FlownDiscrete(s, tuple(samples[:FRAMES]), tuple(commands[:FRAMES]))
 
 
-def quiet_discretes() -> list[FlownDiscrete]:
+def quiet_discretes(frames: int = FRAMES) -> list[FlownDiscrete]:
     """All discretes of a case that is of signals alone."""
-    return [quiet_discrete(one.fail_safe) for one in DISCRETES]
+    return [quiet_discrete(one.fail_safe, frames) for one in DISCRETES]
 
 
 def quiet_signal() -> Flown:

@@ -37,6 +37,7 @@ SAME = (
         "weighted",
     ),
     *told("rules"),
+    *told("slow_tests"),
 )
 SAID = Said.VOTED | Said.STATE | Said.PATTERN | Said.TREND | Said.DISCRETES
 
@@ -52,6 +53,7 @@ class Session:
     box_signals: int = 0
     box_persistence: int = 1
     missing: Sequence[str] = MISSING
+    frames: int = FRAMES
     draw: random.Random = field(init=False)
 
     def __post_init__(self) -> None:
@@ -59,12 +61,12 @@ class Session:
 
     def case(self) -> Case:
         """The session as records."""
-        inputs = blank(INPUT, TO_UNIT, Kind.FRAME).repeat(FRAMES)
-        expected = blank(OUTPUT, FROM_UNIT, Kind.REPLY).repeat(FRAMES)
+        inputs = blank(INPUT, TO_UNIT, Kind.FRAME).repeat(self.frames)
+        expected = blank(OUTPUT, FROM_UNIT, Kind.REPLY).repeat(self.frames)
         for records in (inputs, expected):
-            records["frame"] = np.arange(FRAMES)
+            records["frame"] = np.arange(self.frames)
             records["time_s"] = records["frame"] / RATE_HZ
-        expected["stepped"], expected["said"] = np.arange(FRAMES) + 1, int(SAID)
+        expected["stepped"], expected["said"] = np.arange(self.frames) + 1, int(SAID)
         answers = self.answers or [flown.answers for flown in self.signals]
         for i, (flown, frames) in enumerate(zip(self.signals, answers, strict=True)):
             self.give(inputs, i, flown)
@@ -90,7 +92,7 @@ class Session:
         """Write what signal ``i`` is given."""
         kinds = [self.draw.choice(self.missing) for _ in range(CHANNELS)]
         flight = flown.flight
-        for k in range(FRAMES):
+        for k in range(self.frames):
             kinds = [self.draw.choice(self.missing) if self.draw.random() < 0.1 else kind for kind in kinds]
             there = [x for x in flight.samples[k] if x is not None]
             for c, x in enumerate(flight.samples[k]):

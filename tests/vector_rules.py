@@ -24,10 +24,11 @@ class Other(ResettableOracle):
     trends: ClassVar[type[Trend]] = Trend
     repeated: ClassVar[type[SlowFaults]] = SlowFaults
     told: ClassVar[type[References]] = References
+    tests: ClassVar[type[SlowTests]] = SlowTests
 
     def __post_init__(self) -> None:
         self.split, self.trend, self.slow_faults = self.splits(), self.trends(), self.repeated(self.s)
-        self.slow_tests = SlowTests(self.s)
+        self.slow_tests = self.tests(self.s)
         self.references = self.told(self.s)
 
 
@@ -367,6 +368,21 @@ class FollowsStale(ResettableOracle):
             return super().smooth(key, x)
         super().smooth(key, self.s.near(self.shown[key] or 0.0, self.base))
         return None
+
+
+class _Kept(SlowTests):
+    def __post_init__(self) -> None:
+        super().forget()
+        self.begun = True
+
+    def forget(self) -> None:
+        pass
+
+
+class KeptAfterReset(Other):
+    """What slow-fault tests have learned is kept where a channel is readmitted."""
+
+    tests = _Kept
 
 
 class PlainPairs(ResettableOracle):

@@ -26,8 +26,10 @@ TITLES: Final = (
     "long session, boxes and angles",
     "long session, slow faults",
     "long session, splits and disputes",
+    "long session, slow-fault tests",
 )
-SLOW_FAULTS, SPLITS = 3, 4  # of them: with channel equalisation, sums and stale samples; with splits
+# Of them: with channel equalisation, sums and stale samples; with splits; with slow-fault tests.
+SLOW_FAULTS, SPLITS, SLOW_TESTS = 3, 4, 5
 _HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
 _GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
 _OFF: Final = np.array([0.0] * 6 + [0.5, 3.0, -3.0, np.nan, np.nan])  # of a reference
@@ -37,6 +39,7 @@ _APART: Final = np.array([[0, 0, 4, 4], [4, 0, 0, 4], [4, 0, 4, 0], [0, 4, 8, -4
 _SPLIT: Final = np.concatenate([_TOGETHER, _APART])
 _STOPS: Final = (-3.0, 2.5)  # thresholds, of a signal whose samples and references meet the ends of the range
 _SLOPES: Final = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.125, -0.125, 0.375])  # thresholds a frame, there and back
+_NOISE: Final = 0.0207  # thresholds, of a healthy channel where slow faults are tested
 _WORD: Final = 1 << 16
 _BUMP: Final = 24  # frames there, and as many back: at rest a signal that is lost finds its held vote again
 
@@ -45,14 +48,16 @@ def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[
     """Return CONFIG (1,) and INPUT (frames,) of a long session; number : of TITLES."""
     draw = np.random.default_rng((number, 2))
     config, inputs = _config(draw, number), blank(INPUT, TO_UNIT, Kind.FRAME).repeat(frames)
-    inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90, 60)[number]
+    inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90, 60, 90)[number]
     inputs["time_s"] = inputs["frame"] / RATE_HZ
     for i, row in enumerate(config["signal"][0]):
         _give_signal(draw, inputs, i, row, rare, splits=number == SPLITS)
         if number == SLOW_FAULTS:
             _give_slow_faults(draw, inputs, i, row, config["slow_faults"][0, i])
+        if number == SLOW_TESTS:
+            _give_small_faults(draw, inputs, i, row)
     _give_discretes(draw, inputs)
-    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, 256, 256, 256)[number])
+    _give_patience(inputs, config["signal"][0, -1], (_WORD, 1000, *[256] * 4)[number])
     return config, inputs
 
 
@@ -60,15 +65,15 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     """Return settings, none at its default; counts beyond eight bits except in the first session."""
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     config["rate_hz"], config["role"] = RATE_HZ, Role.REDUNDANCY
-    boxes = ((0, 1), (3, 12), (MORE_THAN_HALF, 20), (0, 1), (MORE_THAN_HALF, 9))
+    boxes = ((0, 1), (3, 12), (MORE_THAN_HALF, 20), (0, 1), (MORE_THAN_HALF, 9), (MORE_THAN_HALF, 9))
     config["box_signals"], config["box_persistence"] = boxes[number]
     config["surface_low"], config["surface_high"] = -0.5, [*[0.5] * (len(SURFACES) - 1), 1.0]
-    signal, counts = config["signal"][0], (1, 40, 7, 3, 1)[number]
+    signal, counts = config["signal"][0], (1, 40, 7, 3, 1, 1)[number]
     beside = 1.0 / 1024  # no distance is exactly a threshold, where rounding would decide
     for name, low, high in (("persistence", 3, 9), ("split_persistence", 4, 12), ("fade_frames", 3, 9)):
         signal[name] = draw.integers(low, high, S) * counts
     signal["common_persistence"] = draw.integers(4, 9, S) * counts
-    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1], [1])[number], S)
+    signal["readmit_frames"] = draw.integers(60, 90, S) * draw.choice(([1], [4, 4, 15], [2], [1], [1], [1])[number], S)
     if number == SPLITS:
         signal["readmit_frames"] //= 8
     signal["trend_frames"], signal["weighted"] = draw.integers(1, 9, S), draw.random(S) < 0.7
@@ -88,6 +93,8 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
         signal["filter_gain"][1::4] = draw.choice([0.1, 0.5])
     if number == SLOW_FAULTS:
         _last(config["slow_faults"][0], signal, draw)
+    if number == SLOW_TESTS:
+        _test(config["slow_tests"][0], signal, draw)
     if number > 0:  # the first is of what every version of the records knows
         _rule(config["rules"][0], signal, draw, one_box=number == 1)
     else:
@@ -119,6 +126,18 @@ def _last(slow_faults: NDArray[Any], signal: NDArray[Any], draw: Generator) -> N
     slow_faults["slow_limit"] = threshold * draw.choice([0.0, 10.007, 30.007], S)
     slow_faults["stale_frames"] = draw.choice([0, 20, 300], S)
     slow_faults["stale_frames"][-1] = 0
+
+
+def _test(slow_tests: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
+    """Turn on slow-fault tests on all signals, of most with a reference."""
+    for name in ("slow_means", "slow_squares", "slow_halves"):
+        slow_tests[name] = draw.choice([1.0, 1.0, 1.3007], S)
+    slow_tests["slow_bias"], slow_tests["slow_scale"] = draw.choice([0.0507, 0.3007], S), draw.choice([0.0, 0.0107], S)
+    slow_tests["slow_noise"], slow_tests["slow_skew"] = 0.5 * _NOISE, draw.choice([0.0, 0.5007], S)
+    slow_tests["slow_reference"] = _NOISE * draw.choice([0.0, 0.5007, 1.5007], S)
+    slow_tests["slow_reference_frames"] = draw.choice([0.0, 1.007], S)
+    for name in ("slow_bias", "slow_noise", "slow_reference"):
+        slow_tests[name] *= signal["threshold"]
 
 
 def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: bool) -> None:
@@ -188,6 +207,25 @@ def _give_slow_faults(
     since = np.maximum.accumulate(np.where(stuck, 0, numbers), axis=0)
     inputs["channels"][:, i] = _in_range(np.take_along_axis(channels, since, axis=0), row)
     inputs["valid"][:, i] = _episodes(draw, frames, each, np.arange(60) != 0, 2.0)  # gaps, which end no count
+
+
+def _give_small_faults(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any]) -> None:
+    """Make one signal noisy and slow; of its channels one, or two alike, are off by little, noisier or far off."""
+    frames, each, threshold = len(inputs), (CHANNELS,), float(row["threshold"])
+    truth = threshold * 0.5 * np.sin(np.arange(frames) / draw.choice([150.25, 40.25]))
+    louder = _episodes(draw, frames, each, np.array([1.0] * 24 + [8.0]), 250.0)
+    noise = louder * draw.standard_normal((frames, CHANNELS))
+    channels = _NOISE * noise + draw.uniform(-0.05, 0.05, CHANNELS)
+    channels += _episodes(draw, frames, each, np.array([0.0] * 50 + [0.1507, -0.2507]), 250.0)
+    alike = _episodes(draw, frames, (1,), np.array([0.0, 0.0, 0.0, 0.1507, -0.2507]), 400.0)
+    channels += alike * np.isin(np.arange(CHANNELS), draw.permutation(CHANNELS)[:2])
+    channels += 4.0 * (_episodes(draw, frames, each, np.arange(60), 40.0) == 0)
+    channels += 5.0 * (_episodes(draw, frames, (1,), np.arange(60), 40.0) == 0)
+    inputs["channels"][:, i] = _in_range(truth[:, None] + threshold * channels, row)
+    inputs["valid"][:, i] = draw.random((frames, CHANNELS)) > 1e-3
+    off = draw.choice([0.0, 0.2007]) + 0.2 * _NOISE * draw.standard_normal(frames)
+    inputs["reference"][:, i] = truth + threshold * off
+    inputs["second_reference"][:, i] = truth + threshold / 256
 
 
 def _give_patience(inputs: NDArray[Any], row: NDArray[Any], frames: int) -> None:

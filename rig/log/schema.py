@@ -47,7 +47,7 @@ from rig.core.renamed import ENUMS, field_now
 from rig.log.container import Opening
 
 BY_TOPIC: Final = 5  # the first version whose chunks stand topic by topic
-SCHEMA_VERSION: Final = 7  # history in docs/reference/log.md
+SCHEMA_VERSION: Final = 8  # history in docs/reference/log.md
 MESSAGES_SINCE: Final = 4  # whose messages are the present ones
 OLDEST: Final = 2  # that is still read
 

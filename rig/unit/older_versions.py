@@ -44,6 +44,7 @@ _SWITCHES: Final = (
     _Switch("rules", "unresolved_frames", of_all="unresolved_s"),
     _Switch("rules", "referred", of_all="references"),
     _Switch("rules", "sources", of_all="references"),
+    _Switch("slow_tests", "slow_means", "slow_tests"),
 )
 
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
 from rig.computer.redundancy.manager_config import PARAMS, without_lanes
-from rig.core.errors import BadInput
-from rig.core.frame import SIGNALS, D, S
+from rig.core.frame import D, S
 from rig.unit.host import HEAD
 from rig.unit.ready_message import UnitStopped, read_ready, sealed
 from rig.unit.transport import SocketLink
@@ -60,11 +59,7 @@ def configuration(
 
     params (S,) PARAMS, discretes (D,) DISCRETE_PARAMS, boxes (1,) BOXES : settings of the built-in manager
     trim (4,), limits (4, 2) : of the surfaces; names : of aircraft and flight point
-    BadInput: slow-fault tests, of which a unit that replaces the manager is told nothing
     """
-    if role != Role.CONTROL_LAW and (tested := np.flatnonzero(params["slow_means"] > 0.0)).size:
-        key = f"redundancy.signals.{SIGNALS[tested[0]].name}.slow_tests"
-        raise BadInput(f"{key}: a unit that replaces the manager has no slow-fault tests; leave the table out")
     config = blank(CONFIG, TO_UNIT, Kind.CONFIG)
     for part, key, records in _settings(params, discretes):
         config[0][part][key] = without_lanes(records[key])[:, :TIE_BREAKS] if key == "tie_break" else records[key]

@@ -22,7 +22,7 @@ from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy,
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 from rig.core.renamed import in_layout
 
-VERSION: Final = 4  # of the interface; a change of a field changes LAYOUT alone
+VERSION: Final = 5  # of the interface; a change of a field changes LAYOUT alone
 TO_UNIT, FROM_UNIT = 0x49474952, 0x4F474952  # "RIGI", "RIGO" as little-endian words
 PART_BYTES: Final = 1024  # of CONFIG in one message that must fit into an Ethernet frame
 NAME_BYTES, TEXT_BYTES = 64, 192
@@ -112,6 +112,9 @@ _NEW_VALUES: Final = {
     ("DecidedBy", "LANE"): 3,
     ("DecidedBy", "GIVEN_UP"): 3,
     ("Role", "CONTROL_LAW"): 4,
+    ("DecidedBy", "SLOW_MEANS"): 5,
+    ("DecidedBy", "SLOW_SQUARES"): 5,
+    ("DecidedBy", "SLOW_HALVES"): 5,
 }
 
 
@@ -173,7 +176,7 @@ def place(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], int]:
 
 # Fields of CONFIG that hold our own settings, and which of them.
 SETTINGS: Final[dict[str, tuple[str, ...]]] = {
-    **{part: told(part) for part in ("signal", "slow_faults", "rules")},
+    **{part: told(part) for part in ("signal", "slow_faults", "rules", "slow_tests")},
     "discrete": DISCRETE_PARAMS.names or (),
 }
 TIE_BREAKS: Final = 5  # that a unit may ask: it knows of no other computers
@@ -181,6 +184,7 @@ _TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "tie_break" else (n, "i8", (TIE_
 SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
 SLOW_FAULTS_CONFIG: Final = _little(PARAMS, SETTINGS["slow_faults"])
 RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])
+SLOW_TESTS_CONFIG: Final = _little(PARAMS, SETTINGS["slow_tests"])
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
 READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too
@@ -198,8 +202,9 @@ _CONFIGURED: Final[list[_Entry]] = [
     ("aircraft", f"S{NAME_BYTES}", ()),
     ("flight_point", f"S{NAME_BYTES}", ()),
 ]
-_SLOW_FAULTS: Final[_Entry] = ("slow_faults", SLOW_FAULTS_CONFIG, (S,))
-CONFIG: Final = _packed([*_CONFIGURED, _SLOW_FAULTS, ("rules", RULES_CONFIG, (S,)), *_TAIL])
+_SINCE_2: Final[list[_Entry]] = [("slow_faults", SLOW_FAULTS_CONFIG, (S,))]
+_SINCE_3: Final[list[_Entry]] = [*_SINCE_2, ("rules", RULES_CONFIG, (S,))]
+CONFIG: Final = _packed([*_CONFIGURED, *_SINCE_3, ("slow_tests", SLOW_TESTS_CONFIG, (S,)), *_TAIL])
 PART: Final = _packed(
     [*_HEAD, ("part", "<u4", ()), ("parts", "<u4", ()), ("bytes", "u1", (PART_BYTES,)), *_TAIL]
 )  # of CONFIG
@@ -210,7 +215,10 @@ LAW_INPUT: Final = _packed([*_HEAD, *_of_frame([*OF_LAW]), *_TAIL])  # INPUT of 
 INPUT: Final = _packed([*_ASKED, ("age_us", "<u2", (S, CHANNELS)), *_TAIL])
 OUTPUT: Final = _packed([*_ANSWERED, *_OF_ITSELF, *_TAIL])
 # The version in which a record, or a field of CONFIG, INPUT or OUTPUT, came; 1 where none is given.
-SINCE: Final = {"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "slow_faults": 2, "rules": 3, "law_input": 4}
+SINCE: Final = {
+    **{"age_us": 2, **{name: 2 for name, _, _ in _OF_ITSELF}, "slow_faults": 2},
+    **{"rules": 3, "law_input": 4, "slow_tests": 5},
+}
 RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "hello": HELLO,
     "ready": READY,
@@ -218,6 +226,7 @@ RECORDS: Final[dict[str, np.dtype[Any]]] = {
     "discrete_config": DISCRETE_CONFIG,
     "slow_faults_config": SLOW_FAULTS_CONFIG,
     "rules_config": RULES_CONFIG,
+    "slow_tests_config": SLOW_TESTS_CONFIG,
     "config": CONFIG,
     "config_part": PART,
     "input": INPUT,
@@ -280,7 +289,8 @@ class Interface(NamedTuple):
 _CONFIG_1, _INPUT_1, _OUTPUT_1 = (_packed([*entries, *_TAIL]) for entries in (_CONFIGURED, _ASKED, _ANSWERED))
 _OLDER: Final[dict[int, dict[str, np.dtype[Any]]]] = {
     1: {"config": _CONFIG_1, "input": _INPUT_1, "output": _OUTPUT_1},
-    2: {"config": _packed([*_CONFIGURED, _SLOW_FAULTS, *_TAIL])},
+    2: {"config": _packed([*_CONFIGURED, *_SINCE_2, *_TAIL])},
+    **{version: {"config": _packed([*_CONFIGURED, *_SINCE_3, *_TAIL])} for version in (3, 4)},
 }
 
 

@@ -26,6 +26,9 @@ _RULES: Final = {
     "box": "with its whole LRU",
     "common": "with all channels: two references disagreed with them",
     "slow": "by a slow-fault rule",
+    "slow_means": "by the slow-fault test of means",
+    "slow_squares": "by the slow-fault test of mean squares",
+    "slow_halves": "by the slow-fault test of halves against the reference",
     "lane": "because its computer was isolated",
     "given_up": "with all channels: no tie-break rule settled the split",
 }

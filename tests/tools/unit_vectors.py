@@ -23,6 +23,8 @@ import vector_rules
 from oracle_answers import PAIRS
 from oracle_boxes import ResettableOracle
 from vector_flights import (
+    FRAMES,
+    LONG,
     NEVER,
     Flown,
     angle,
@@ -45,6 +47,7 @@ from vector_flights import (
     split_in_trends,
     spoken,
     stopped,
+    tested,
     to_the_ends,
     with_absent_monitors,
     with_limits,
@@ -343,6 +346,22 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
     ),
     ("a filter begins again after a stale sample", smoothed_and_repeating, otherwise(vector_rules.FollowsStale)),
 ]
+TESTED: list[tuple[str, list[Wanted]]] = [
+    (
+        "slow-fault tests isolate one channel by its means or its squares, or one half by the reference",
+        reached(
+            *(f"test: {said}" for said in ("one by slow_means", "one by slow_squares", "a half of 2", "a half of 4"))
+        ),
+    ),
+    (
+        "they are limited, learn and allow for motion as configured, and begin again after a reset",
+        [
+            *without(slow_scale=0.0, slow_skew=0.0, slow_reference_frames=0.0, slow_bias=100.0, slow_noise=1e-4),
+            *without(slow_squares=1.1, slow_halves=1.1),
+            *otherwise(vector_rules.KeptAfterReset),
+        ],
+    ),
+]
 LIMITS = [
     (True, "reference_threshold"),
     (True, "second_threshold"),
@@ -374,10 +393,14 @@ def without_ties(flown: Flown) -> bool:
 
 
 def of_signals(
-    title: str, make: Callable[[int], Flown | None], wanted: list[Wanted], how: Sequence[str] = ()
+    title: str,
+    make: Callable[[int], Flown | None],
+    wanted: list[Wanted],
+    how: Sequence[str] = (),
+    frames: int = FRAMES,
 ) -> Session:
     """A case of signals alone."""
-    return Session(title, chosen(make, wanted), quiet_discretes(), missing=how or MISSING)
+    return Session(title, chosen(make, wanted), quiet_discretes(frames), missing=how or MISSING, frames=frames)
 
 
 def of_discretes(title: str, seed: str, resets: bool) -> Session:
@@ -427,6 +450,8 @@ def sessions() -> Iterator[Session]:
         )
     for title, make, wanted in RULED:
         yield of_signals(title, make, wanted)
+    for title, wanted in TESTED:
+        yield of_signals(title, tested, wanted, frames=LONG)
     yield from vector_boxes.sessions()
     for number in range(3):
         title = f"majority of discretes, the fail-safe value without one, {number + 1}"

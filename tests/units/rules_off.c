@@ -19,9 +19,10 @@ void rules_open(const struct rig_config *config, int signal, struct rules *r)
     r->box = 1;
 }
 
-void rules_give_up(struct frame *f, params *p, struct signal *s)
+bool rules_give_up(struct frame *f, params *p, struct signal *s)
 {
     (void)f;
     (void)p;
     (void)s;
+    return false;
 }

@@ -53,8 +53,8 @@ static void exchange(const double *x, int *order, int i, int j)
     }
 }
 
-/* Put n channels into ascending order of x: five exchanges for four, three for three. */
-static void sort(const double *x, int *order, int n)
+/* Five exchanges for four, three for three. */
+void compare_sort(const double *x, int *order, int n)
 {
     if (n == 4) {
         exchange(x, order, 0, 1);
@@ -98,7 +98,7 @@ static void rank(struct frame *f, params *p, struct signal *s)
         }
     }
     s->split.whole = f->n == in_use;
-    sort(f->x, f->order, f->n);
+    compare_sort(f->x, f->order, f->n);
     if (f->n > 0) {
         f->low = f->x[f->order[(f->n - 1) / 2]];
         f->high = f->x[f->order[f->n / 2]];

@@ -101,6 +101,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     const struct latches before = s->latches;
     persistence_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
     slow_readmit(before.failed, s);
+    tests_readmit(before.failed, s);
     references_readmit(before.failed, s);
     struct frame f = compare_samples(input, i, p, s);
     compare_pattern(&f, p, s);
@@ -158,6 +159,7 @@ int rig_unit_open(const struct rig_config *wanted)
         }
         rules_open(&config, i, &signals[i].rules);
         slow_open(&config, i, &signals[i].slow_faults);
+        tests_open(&config, i, &signals[i].slow_tests);
         signals[i].smooth_reference = (double)NAN;
         signals[i].smooth_vote = (double)NAN;
         signals[i].reference_usable = true;

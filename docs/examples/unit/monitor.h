@@ -3,7 +3,9 @@
  * monitor.c      the interface, and one signal's frame from the samples to the answer
  * compare.c      which samples are compared, their ranks, pattern and median
  * trend.c        the trend bytes of the two voting ranks, and what they say
- * slow_faults.c      channel equalisation, sums of small deviations, samples that repeat
+ * slow_faults.c  channel equalisation, sums of small deviations, samples that repeat
+ * slow_tests.c   slow-fault tests: three means of each channel's residual
+ * slow_halves.c  slow-fault tests: two channels that are wrong alike, or two that are left
  * tie_break.c    splits
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
@@ -48,6 +50,53 @@ struct slow_faults {
     int64_t repeats[RIG_CHANNELS];    /* frames in which it was the last one again while others moved */
     unsigned stale;                   /* channels that have repeated for too long, bits */
     bool standing;                    /* the samples of all channels in use repeat */
+};
+
+#define WAYS 3                /* to halve four channels */
+#define TESTS_SLOW 100.0      /* frames of a slow mean */
+#define TESTS_LEARNING 1000.0 /* frames of the mean that a bias is */
+#define TESTS_BURST 14.0      /* frames that the largest steps need to reach a limit */
+#define TESTS_MEANS_FROM 200  /* frames that are learned before a mean tells anything */
+
+/* Differences D of halves of the channels of one signal, by the way to halve them: first half less second. */
+struct halves {
+    double mean[WAYS];
+    double square[WAYS];
+    double whole[WAYS];   /* mean square without the allowance for motion */
+    double product[WAYS]; /* with the reference's difference from the median */
+    double noise;         /* variance of the way that has least, its mean, */
+    double shaken;        /* and of the last second */
+    double share;         /* of its limit, of the way that has most */
+    int run;              /* frames in a row: above zero the second half is wrong, below zero the first */
+};
+
+/* Slow-fault tests of one signal. */
+struct slow_tests {
+    const struct rig_slow_tests_config *set;
+    uint8_t by;                  /* which test isolates in this frame */
+    int64_t learned;             /* frames */
+    int level;                   /* channels of which the means are */
+    double bias[RIG_CHANNELS];
+    double value[RIG_CHANNELS];  /* samples without it, */
+    int order[RIG_CHANNELS];     /* and the channels by ascending value */
+    double fast[RIG_CHANNELS];   /* means of residuals, in units of the noise, */
+    double slow[RIG_CHANNELS];
+    double square[RIG_CHANNELS]; /* and of their squares, in the square of the signal's unit; */
+    double whole[RIG_CHANNELS];  /* the same without the allowance for motion */
+    double share[RIG_CHANNELS];  /* of its limit, the largest of the three */
+    double noise;                /* variance that the channels have in common, its mean, */
+    double shaken;               /* and of the last second */
+    double fast_limit, slow_limit, square_limit;
+    double fast_step, slow_step, square_step; /* largest residual that counts, in the same units */
+    int64_t limits_until;        /* frames learned */
+    double usual_middle;         /* mean of the middle over the frames of which the biases are */
+    double last_middle;
+    double rate;                 /* mean change of the middle a frame, */
+    double motion;               /* and the largest one of the last second */
+    double reference_bias;
+    int64_t reference_learned;   /* frames */
+    double reference_off;        /* of this frame, without its bias; NaN: none */
+    struct halves halves;
 };
 
 /* What the trend bytes say. */
@@ -115,6 +164,7 @@ struct frame {
     bool blamed[RIG_CHANNELS];  /* would be failed by the answer to a split */
     uint8_t decided_by;           /* who decided */
     double vote;                /* before the fade */
+    uint8_t slow_by;            /* who fails a channel by small deviations */
 };
 
 /* One signal, from frame to frame. */
@@ -122,6 +172,7 @@ struct signal {
     struct rules rules;
     struct latches latches;
     struct slow_faults slow_faults;
+    struct slow_tests slow_tests;
     struct trend trend;
     struct split split;
     double smooth[RIG_CHANNELS]; /* behind the filter; NaN: begins with the next value */
@@ -185,6 +236,12 @@ static inline double larger(double a, double b)
     return (b > a) ? b : a;
 }
 
+/* The smaller of two limits. */
+static inline double smaller(double a, double b)
+{
+    return (b < a) ? b : a;
+}
+
 /* Whether a pattern has no majority: sections 2 and 3. */
 static inline bool is_split(uint8_t pattern)
 {
@@ -204,6 +261,9 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
 
 /* Whether a sample is flagged valid, a number and within the sensor's range. */
 bool compare_is_comparable(const struct frame *f, int c, params *p);
+
+/* Put n channels into ascending order of x. */
+void compare_sort(const double *x, int *order, int n);
 
 /* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
 double compare_follow(double last, double x, const struct frame *f, params *p);
@@ -243,7 +303,7 @@ bool slow_is_stale(int c, const struct slow_faults *l);
 /* Whether the bias of each channel with a sample is a mean over the time constant, or none is learned. */
 bool slow_is_learned(const struct frame *f, const struct slow_faults *l);
 
-/* Move the sums and fail whom they fail. */
+/* Move sums and tests, fail whom they fail, and say in slow_by which did. */
 void slow_watch(struct frame *f, params *p, struct signal *s);
 
 /* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
@@ -251,6 +311,31 @@ void slow_learn(const struct frame *f, struct signal *s);
 
 /* Begin all sums again: another number of channels has another middle. */
 void slow_begin_sums(struct slow_faults *l);
+
+/* ---- slow_tests.c ---- */
+
+/* Begin with a signal of `config`, which stays where it is. */
+void tests_open(const struct rig_config *config, int signal, struct slow_tests *t);
+
+/* Learn the signal again where a channel was `failed` and is no longer. */
+void tests_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+
+/* The share of a constant that a mean over as many frames reaches within TESTS_BURST frames. */
+double tests_reached(double frames);
+
+/* Move all means by a frame and learn; the channels that a test isolates, bits, and which test in `by`. */
+unsigned tests_watch(const struct frame *f, params *p, struct signal *s);
+
+/* ---- slow_halves.c ---- */
+
+/* Begin the means of all ways to halve n channels again. */
+void halves_begin(int n, struct slow_tests *t);
+
+/* Move the means of the ways to halve n channels; the one that is suspected, below 0: none. */
+int halves_suspect(int n, double allowed, struct slow_tests *t);
+
+/* The half, bits, that the slope has decided against for long enough; `usable`: the reference may be asked. */
+unsigned halves_isolate(int way, int n, bool usable, struct slow_tests *t);
 
 /* ---- tie_break.c ---- */
 
@@ -315,8 +400,8 @@ bool rules_usable(const struct rig_config *config);
 /* Read the rules of a signal. */
 void rules_open(const struct rig_config *config, int signal, struct rules *r);
 
-/* Fail all channels of a split that no rule has answered for long enough. */
-void rules_give_up(struct frame *f, params *p, struct signal *s);
+/* Fail all channels of a split that no rule has answered for long enough; whether it did. */
+bool rules_give_up(struct frame *f, params *p, struct signal *s);
 
 /* ---- discretes.c ---- */
 

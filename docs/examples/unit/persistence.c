@@ -162,9 +162,12 @@ void persistence_settle(struct frame *f, params *p, struct signal *s)
 {
     const int64_t level = s->level;
     const bool settled = has_stood(f, p, s);
-    rules_give_up(f, p, s);
+    const bool given_up = rules_give_up(f, p, s);
     latch(settled, f, p, s);
     if (s->level != level) {
         s->after_extremes = settled && (f->decided_by == RIG_DECIDED_BY_EXTREMES) && (s->level == 2);
+    }
+    if ((f->slow_by != RIG_DECIDED_BY_NONE) && !given_up) {
+        f->decided_by = f->slow_by;
     }
 }

@@ -29,8 +29,8 @@ extern "C" {
 #define RIG_ASSERT(condition) _Static_assert(condition, #condition)
 #endif
 
-#define RIG_UNIT_VERSION 4
-#define RIG_UNIT_LAYOUT UINT64_C(0x89d5486002180868)
+#define RIG_UNIT_VERSION 5
+#define RIG_UNIT_LAYOUT UINT64_C(0xa1a143b056d1cb82)
 #define RIG_MAGIC_INPUT UINT32_C(0x49474952)
 #define RIG_MAGIC_OUTPUT UINT32_C(0x4f474952)
 #define RIG_CHANNELS 4
@@ -98,6 +98,9 @@ enum rig_decided_by {
     RIG_DECIDED_BY_SLOW = 9,
     RIG_DECIDED_BY_LANE = 10,
     RIG_DECIDED_BY_GIVEN_UP = 11,
+    RIG_DECIDED_BY_SLOW_MEANS = 12,
+    RIG_DECIDED_BY_SLOW_SQUARES = 13,
+    RIG_DECIDED_BY_SLOW_HALVES = 14,
 };
 
 enum rig_law {
@@ -329,6 +332,30 @@ RIG_ASSERT(offsetof(struct rig_rules_config, trend_beside_reference) == 49);
 RIG_ASSERT(offsetof(struct rig_rules_config, referred) == 50);
 RIG_ASSERT(offsetof(struct rig_rules_config, pad_1) == 51);
 
+/* slow-fault tests of a signal; all 0: none */
+struct rig_slow_tests_config {
+    double slow_means;
+    double slow_squares;
+    double slow_halves;
+    double slow_bias;
+    double slow_scale;
+    double slow_noise;
+    double slow_skew;
+    double slow_reference;
+    double slow_reference_frames;
+};
+
+RIG_ASSERT(sizeof(struct rig_slow_tests_config) == 72);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_means) == 0);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_squares) == 8);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_halves) == 16);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_bias) == 24);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_scale) == 32);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_noise) == 40);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_skew) == 48);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_reference) == 56);
+RIG_ASSERT(offsetof(struct rig_slow_tests_config, slow_reference_frames) == 64);
+
 /* configuration of a flight */
 struct rig_config {
     uint32_t magic;
@@ -351,11 +378,12 @@ struct rig_config {
     char flight_point[64];
     struct rig_slow_faults_config slow_faults[16];
     struct rig_rules_config rules[16];
+    struct rig_slow_tests_config slow_tests[16];
     uint32_t length;
     uint32_t crc;
 };
 
-RIG_ASSERT(sizeof(struct rig_config) == 5264);
+RIG_ASSERT(sizeof(struct rig_config) == 6416);
 RIG_ASSERT(offsetof(struct rig_config, magic) == 0);
 RIG_ASSERT(offsetof(struct rig_config, version) == 4);
 RIG_ASSERT(offsetof(struct rig_config, kind) == 6);
@@ -376,8 +404,9 @@ RIG_ASSERT(offsetof(struct rig_config, aircraft) == 3592);
 RIG_ASSERT(offsetof(struct rig_config, flight_point) == 3656);
 RIG_ASSERT(offsetof(struct rig_config, slow_faults) == 3720);
 RIG_ASSERT(offsetof(struct rig_config, rules) == 4360);
-RIG_ASSERT(offsetof(struct rig_config, length) == 5256);
-RIG_ASSERT(offsetof(struct rig_config, crc) == 5260);
+RIG_ASSERT(offsetof(struct rig_config, slow_tests) == 5256);
+RIG_ASSERT(offsetof(struct rig_config, length) == 6408);
+RIG_ASSERT(offsetof(struct rig_config, crc) == 6412);
 
 /* a part of config, if one message must fit into an Ethernet frame */
 struct rig_config_part {

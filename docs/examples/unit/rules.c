@@ -24,13 +24,15 @@ void rules_open(const struct rig_config *config, int signal, struct rules *r)
 }
 
 /* redundancy.md 'No rule answers': the signal is lost, so that its reference flies, or its degraded mode. */
-void rules_give_up(struct frame *f, params *p, struct signal *s)
+bool rules_give_up(struct frame *f, params *p, struct signal *s)
 {
     const int64_t most = s->rules.unresolved_frames;
-    if ((most > 0) && (s->split.unresolved >= most)) {
-        f->decided_by = RIG_DECIDED_BY_GIVEN_UP;
-        for (int c = 0; c < p->fitted; c++) {
-            s->latches.failed[c] = true;
-        }
+    if ((most <= 0) || (s->split.unresolved < most)) {
+        return false;
     }
+    f->decided_by = RIG_DECIDED_BY_GIVEN_UP;
+    for (int c = 0; c < p->fitted; c++) {
+        s->latches.failed[c] = true;
+    }
+    return true;
 }

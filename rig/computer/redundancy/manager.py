@@ -173,8 +173,9 @@ def latch_all(decided_by, slow, m, n, p, st):
     for c in range(p["fitted"]):
         st["failed"][c] |= (slow >> c) & 1
     decided_by = settle(decided_by, p, st)
+    by = st["tests"]["by"]
     if slow != 0 and decided_by != DecidedBy.GIVEN_UP:
-        decided_by = DecidedBy.SLOW.value
+        decided_by = by if by != DecidedBy.NONE else DecidedBy.SLOW.value
     if st["level"] != level:
         slow_faults.begin_sums(st)
     else:
@@ -186,6 +187,7 @@ def latch_all(decided_by, slow, m, n, p, st):
 def slow_of(m, reference, n, p, st):
     """Return the channels that the sums and the tests of small deviations fail, a bit each; m : the middle."""
     summed = slow_faults.watch_sums(m, n, p, st)
+    st["tests"]["by"] = DecidedBy.NONE.value
     tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
@@ -204,9 +206,11 @@ def vote_quiet(reference, second, n, p, st):
     st["accused"] = 0
     if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
         m = slow_faults.middle(n, reference, st)
-        slow = last_quiet(m, n, p, st) if decided_by == DecidedBy.NONE else slow_faults.NO_CHANNEL
-        bits = 0 if slow == slow_faults.NO_CHANNEL else 1 << slow
-        bits |= isolate_slow(reference, n, p, st) if decided_by == DecidedBy.NONE else 0
+        bits = 0
+        if decided_by == DecidedBy.NONE:
+            bits = isolate_slow(reference, n, p, st)
+            slow = last_quiet(m, n, bits == 0, p, st)
+            bits |= 0 if slow == slow_faults.NO_CHANNEL else 1 << slow
         if decided_by != DecidedBy.NONE or bits != 0:
             decided_by = latch_all(decided_by, bits, m, n, p, st)
     publish(voted, p, st)

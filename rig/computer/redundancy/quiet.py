@@ -64,10 +64,10 @@ def at_rest(m, n, p, st):
 
 
 @kernel
-def last_quiet(m, n, p, st):
+def last_quiet(m, n, learns, p, st):
     """Sum and learn of a quiet signal, all of whose ``n`` channels are ranked and none suspected; same bits.
 
-    Returns the channel that the sums fail, or ``NO_CHANNEL``; it has learned then.
+    Returns the channel that the sums fail, or ``NO_CHANNEL``; it has learned then, if it ``learns``.
     """
     limit = p["slow_limit"]
     if limit > 0.0 and n >= 3 and not at_rest(m, n, p, st):
@@ -78,7 +78,7 @@ def last_quiet(m, n, p, st):
             largest = max(largest, reached)
         if largest > limit and 2 * calm > n:
             return largest_sum(n, limit, st)
-    if p["equalise_bound"] > 0.0:
+    if learns and p["equalise_bound"] > 0.0:
         for c in range(n):
             learn_one(c, m, p, st)
     return NO_CHANNEL

@@ -27,7 +27,7 @@ from rig.computer.redundancy.slow_halves import (
     reached,
     suspect_halves,
 )
-from rig.core.frame import CHANNELS, Pattern
+from rig.core.frame import CHANNELS, DecidedBy, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -37,6 +37,7 @@ SQUARES_FROM: Final = 500  # frames that are learned before the mean of squares 
 CALM: Final = 0.5  # of a limit
 TESTS: Final = np.dtype(
     [
+        ("by", "i8"),  # which test isolates in this frame, a DecidedBy
         ("learned", "i8"),  # frames
         ("level", "i8"),  # channels in use, of which the means are
         ("bias", "f8", (CHANNELS,)),
@@ -71,13 +72,16 @@ TESTS: Final = np.dtype(
 
 @kernel
 def isolate_slow(reference, n, p, st):
-    """Move all means by a frame and learn; return the channels that a test isolates, a bit each.
+    """Move all means by a frame and learn; return the channels that a test isolates, a bit each, and write ``by``.
 
     reference : NaN where there is none; n : ranked samples, of all channels in use; p, st : PARAMS and STATE
     """
-    if p["slow_means"] <= 0.0 or n < 2:
+    if p["slow_means"] <= 0.0:
         return 0
     t = st["tests"]
+    t["by"] = DecidedBy.NONE.value
+    if n < 2:
+        return 0
     m = rank_without_bias(n, st, t)
     if not np.isfinite(m):  # differences near the largest number
         return 0
@@ -98,6 +102,8 @@ def isolate_slow(reference, n, p, st):
     suspected = max(t["share"][worst], t["halves_share"])
     if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
         bits = isolate_one(worst, n, t)
+    elif bits != 0:
+        t["by"] = DecidedBy.SLOW_HALVES.value
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
         learn(m, moved, t["fast_step"] * math.sqrt(variance) + allowed, n, p, st)
     return bits
@@ -211,7 +217,11 @@ def isolate_one(worst, n, t):
         return 0
     for i in range(n):
         calm += share[order[i]] < CALM * share[worst]
-    return 1 << worst if 2 * calm > n or (n == CHANNELS and calm == 2) else 0
+    if 2 * calm <= n and not (n == CHANNELS and calm == 2):
+        return 0
+    by_means = max(abs(t["fast"][worst]) * (1.0 / t["fast_limit"]), abs(t["slow"][worst]) * (1.0 / t["slow_limit"]))
+    t["by"] = DecidedBy.SLOW_MEANS.value if by_means >= share[worst] else DecidedBy.SLOW_SQUARES.value
+    return 1 << worst
 
 
 @kernel

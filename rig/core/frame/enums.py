@@ -51,6 +51,9 @@ class DecidedBy(IntEnum):
     SLOW = 9  # small deviations of a channel, summed over seconds
     LANE = 10  # the computers of one side are failed
     GIVEN_UP = 11  # no rule has answered for ``unresolved_s``: the signal is lost
+    SLOW_MEANS = 12  # a slow-fault test: a mean of the channel's residual,
+    SLOW_SQUARES = 13  # the mean of its square,
+    SLOW_HALVES = 14  # a half of the channels against the reference
 
 
 class Ilm(IntEnum):

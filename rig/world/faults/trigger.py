@@ -46,9 +46,10 @@ _OF_DISCRETE: Final = ("level", "state")
 _LABELS: Final = {pattern.label: pattern for pattern in Pattern}
 
 
-_DecidedBy = Literal[
+_Rule = Literal[
     "none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", "box", "common", "slow", "lane", "given_up"
 ]
+_DecidedBy = Literal[_Rule, "slow_means", "slow_squares", "slow_halves"]
 
 
 class Watched(NamedTuple):

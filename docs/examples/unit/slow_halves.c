@@ -1,0 +1,158 @@
+/* Two channels that are wrong alike, or one of the last two: halves of the channels against the reference.
+ *
+ * docs/explanation/decisions.md 'Slow-fault tests'.  D is the difference of two halves: of four channels there are three ways to
+ * halve them, of two there is one.  Beside the median a healthy reference moves against D if the first half is wrong, with D if
+ * the second is: the slope of one on the other over a second decides, in which a constant error of the reference has no part.
+ */
+#include "monitor.h"
+
+#define ALONE 0.35         /* of the largest mean square: what those of other ways are below, if one way is meant */
+#define DECIDING 10        /* frames in a row */
+#define REFERENCE_FROM 300 /* frames that are learned of a reference before it is asked */
+#define LEAST_SLOPE 0.1
+#define NO_WAY (-1)
+
+void halves_begin(int n, struct slow_tests *t)
+{
+    const double noise = ((n == 2) ? 2.0 : 1.0) * t->halves.noise;
+    t->halves.run = 0;
+    t->halves.share = 0.0;
+    t->halves.shaken = 0.0;
+    for (int w = 0; w < WAYS; w++) {
+        t->halves.mean[w] = 0.0;
+        t->halves.product[w] = 0.0;
+        t->halves.square[w] = noise;
+        t->halves.whole[w] = noise;
+    }
+}
+
+static int no_half(struct slow_tests *t)
+{
+    t->halves.share = 0.0;
+    return NO_WAY;
+}
+
+/* The largest error of a healthy reference without its bias, at the present motion. */
+static double reference_error(const struct slow_tests *t)
+{
+    return t->set->slow_reference + (t->set->slow_reference_frames * t->motion);
+}
+
+/* Write D of each way; how many there are.  The first half has the channel with the smallest number. */
+static int write_apart(int n, double apart[WAYS], const struct slow_tests *t)
+{
+    const double *const value = t->value;
+    if (n == 2) {
+        const int a = t->order[0];
+        const int b = t->order[1];
+        apart[0] = (a < b) ? (value[a] - value[b]) : (value[b] - value[a]);
+        return 1;
+    }
+    apart[0] = 0.5 * ((value[0] - value[2]) + (value[1] - value[3]));
+    apart[1] = 0.5 * ((value[0] - value[1]) + (value[2] - value[3]));
+    apart[2] = 0.5 * ((value[0] - value[1]) + (value[3] - value[2]));
+    return WAYS;
+}
+
+/* Move the means of one way: D counts up to `most`, in its mean up to `step`. */
+static void move_way(int w, double apart, double most, double step, double allowed, struct slow_tests *t)
+{
+    struct halves *const h = &t->halves;
+    const double gain = 1.0 / smaller(TESTS_SLOW, (double)t->learned);
+    const double limited = clamp(apart, -most, most);
+    const double d = copysign(larger(fabs(limited) - allowed, 0.0), limited);
+    h->whole[w] += ((limited * limited) - h->whole[w]) * gain;
+    h->mean[w] += (clamp(d, -step, step) - h->mean[w]) * (1.0 / TESTS_SLOW);
+    h->square[w] += ((d * d) - h->square[w]) * gain;
+    if (isfinite(t->reference_off)) {
+        h->product[w] += ((clamp(t->reference_off, -most, most) * d) - h->product[w]) * (1.0 / TESTS_SLOW);
+    }
+}
+
+int halves_suspect(int n, double allowed, struct slow_tests *t)
+{
+    struct halves *const h = &t->halves;
+    if ((n == 3) || (t->learned == 0)) {
+        return no_half(t);
+    }
+    const bool four = n == RIG_CHANNELS;
+    const double least_noise = t->set->slow_noise * t->set->slow_noise;
+    const double healthy = (four ? 1.0 : 2.0) * larger(larger(h->noise, h->shaken), least_noise);
+    const double sigma = sqrt(healthy);
+    const double step = t->slow_step * sigma;
+    const double most = larger(step, 2.8 * reference_error(t));
+    double apart[WAYS] = {0.0};
+    double first = 0.0;
+    double second = 0.0;
+    double least = (double)INFINITY;
+    int way = 0;
+    const int ways = write_apart(n, apart, t);
+    for (int w = 0; w < ways; w++) {
+        move_way(w, apart[w], most, step, (four ? 1.5 : 2.0) * allowed, t);
+        least = smaller(least, h->whole[w]);
+        if (h->square[w] > first) {
+            second = first;
+            first = h->square[w];
+            way = w;
+        } else {
+            second = larger(second, h->square[w]);
+        }
+    }
+    if (four) {
+        h->shaken = least;
+        h->noise += (least - h->noise) / smaller((double)t->learned, TESTS_LEARNING);
+    }
+    if (t->learned < TESTS_MEANS_FROM) {
+        return no_half(t);
+    }
+    const double by_mean = fabs(h->mean[way]) / ((t->slow_limit / t->set->slow_means) * sigma);
+    const double by_square = ((h->square[way] / healthy) - 1.0) / ((1.2 * t->square_limit) / t->set->slow_squares);
+    h->share = larger(by_mean, by_square) / t->set->slow_halves;
+    return ((n == 2) || (second < (ALONE * first))) ? way : NO_WAY;
+}
+
+/* Which half the slope is against in this frame: -1 the first, 1 the second, 0 none. */
+static int against(int way, bool usable, const struct slow_tests *t)
+{
+    const struct halves *const h = &t->halves;
+    if ((way == NO_WAY) || !(h->share > 1.0) || !usable || !(t->set->slow_reference > 0.0)) {
+        return 0;
+    }
+    if ((t->reference_learned <= REFERENCE_FROM) || !isfinite(t->reference_off)) {
+        return 0;
+    }
+    const double near = reference_error(t);
+    const double size = sqrt(h->square[way]);
+    const double slope = h->product[way] / h->square[way];
+    const double steep = fabs(slope);
+    if (!(steep > LEAST_SLOPE) || !((size * (steep + 0.5)) >= near) || !(((steep - 0.5) * size) <= near)) {
+        return 0;
+    }
+    return (slope > 0.0) ? 1 : -1;
+}
+
+/* The first half of a way, bits. */
+static unsigned first_half(int way, int n, const struct slow_tests *t)
+{
+    if (n == 2) {
+        return 1U << ((t->order[0] < t->order[1]) ? t->order[0] : t->order[1]);
+    }
+    return 1U | (2U << way);
+}
+
+unsigned halves_isolate(int way, int n, bool usable, struct slow_tests *t)
+{
+    const int side = against(way, usable, t);
+    const bool goes_on = ((side > 0) && (t->halves.run > 0)) || ((side < 0) && (t->halves.run < 0));
+    t->halves.run = goes_on ? (t->halves.run + side) : side;
+    if ((t->halves.run < DECIDING) && (t->halves.run > -DECIDING)) {
+        return 0U;
+    }
+    const unsigned first = first_half(way, n, t);
+    unsigned whole = 0U;
+    for (int i = 0; i < n; i++) {
+        whole |= 1U << t->order[i];
+    }
+    t->by = RIG_DECIDED_BY_SLOW_HALVES;
+    return (side < 0) ? first : (whole & ~first);
+}

@@ -1,0 +1,235 @@
+/* Slow-fault tests: three means of each channel's residual, against limits that follow from its noise.
+ *
+ * docs/explanation/decisions.md of that name.  A residual is a sample, less what is learned of its channel (its bias), less the
+ * median of all channels without theirs.  A fast and a slow mean find offsets, drifts and frozen samples, a mean of squares finds
+ * noise and oscillation; an error of fewer frames than BURST moves none to its limit.  Nothing here moves a vote: slow_halves.c
+ * has two channels that are wrong alike, or two that are left.
+ */
+#include <string.h>
+
+#include "monitor.h"
+
+#define FAST 16.0       /* frames of the fast mean, */
+#define SQUARE 128.0    /* and of that of squares */
+#define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
+#define SQUARES_FROM 500 /* frames that are learned before the mean of squares tells anything */
+#define CALM 0.5        /* of a limit */
+
+typedef const struct rig_slow_tests_config settings;
+
+void tests_open(const struct rig_config *config, int signal, struct slow_tests *t)
+{
+    memset(t, 0, sizeof *t);
+    t->set = &config->slow_tests[signal];
+}
+
+/* Begin to learn the signal again: no bias, no noise, no limits. */
+static void forget(struct slow_tests *t)
+{
+    t->learned = 0;
+    t->level = 0;
+    t->limits_until = 0;
+    t->reference_learned = 0;
+    t->noise = 0.0;
+    t->reference_bias = 0.0;
+    t->rate = 0.0;
+    t->motion = 0.0;
+    t->halves.noise = 0.0;
+    memset(t->bias, 0, sizeof t->bias);
+    memset(t->share, 0, sizeof t->share);
+}
+
+void tests_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
+{
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        if (failed[c] && !s->latches.failed[c]) {
+            forget(&s->slow_tests);
+        }
+    }
+}
+
+/* ---- What a frame is measured by ---- */
+
+/* The median of the ranked samples without their biases, which it ranks again. */
+static double rank_without_bias(const struct frame *f, struct slow_tests *t)
+{
+    for (int i = 0; i < f->n; i++) {
+        const int c = f->order[i];
+        t->value[c] = f->x[c] - t->bias[c];
+        t->order[i] = c;
+    }
+    compare_sort(t->value, t->order, f->n);
+    return mean(t->value[t->order[(f->n - 1) / 2]], t->value[t->order[f->n / 2]], 0.5);
+}
+
+/* Another number of channels has another middle: all means begin again, biases stay. */
+static void begin_again(int n, struct slow_tests *t)
+{
+    t->level = n;
+    t->shaken = 0.0;
+    for (int c = 0; c < RIG_CHANNELS; c++) {
+        t->fast[c] = 0.0;
+        t->slow[c] = 0.0;
+        t->share[c] = 0.0;
+        t->square[c] = t->noise;
+        t->whole[c] = t->noise;
+    }
+    halves_begin(n, t);
+}
+
+/* The limits for what is known of the biases: white noise of variance 1 leaves 1 / (2 T) in a mean over T frames, 1 / k in a bias
+ * of k frames, and twice as much in those of squares.  Again when a tenth more is known. */
+static void renew_limits(settings *set, struct slow_tests *t)
+{
+    const double known = smaller((double)((t->learned > 1) ? t->learned : 1), 2.0 * TESTS_LEARNING);
+    t->fast_limit = (set->slow_means * SIGMAS) * sqrt((0.5 / FAST) + (1.0 / known));
+    t->slow_limit = (set->slow_means * SIGMAS) * sqrt((0.5 / TESTS_SLOW) + (1.0 / known));
+    t->square_limit = (set->slow_squares * SIGMAS) * sqrt((1.0 / SQUARE) + (2.0 / known));
+    t->fast_step = t->fast_limit / tests_reached(FAST);
+    t->slow_step = t->slow_limit / tests_reached(TESTS_SLOW);
+    t->square_step = 1.0 + (t->square_limit / tests_reached(SQUARE));
+    t->limits_until = (known < (2.0 * TESTS_LEARNING)) ? ((int64_t)(1.1 * known) + 1) : INT64_MAX;
+}
+
+double tests_reached(double frames)
+{
+    return 1.0 - exp(-TESTS_BURST / frames);
+}
+
+/* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling. */
+static double allowance(double m, double moved, double sigma, int n, params *p, struct slow_tests *t)
+{
+    const double change = difference(m, t->last_middle, p);
+    t->last_middle = m;
+    t->rate += (change - t->rate) / FAST;
+    t->motion = larger(fabs(t->rate), t->motion * (1.0 - (1.0 / TESTS_SLOW)));
+    if (n > 2) {
+        t->motion = larger(t->motion, fabs(change) - (3.0 * sigma));
+    }
+    return ((2.0 * t->set->slow_scale) * fabs(moved)) + (t->set->slow_skew * t->motion);
+}
+
+/* ---- Three means of each channel ---- */
+
+/* The largest of a channel's three means as a share of its limit. */
+static double share_of(int c, double per_variance, const struct slow_tests *t)
+{
+    double share = 0.0;
+    if (t->learned >= TESTS_MEANS_FROM) {
+        share = larger(fabs(t->fast[c]) * (1.0 / t->fast_limit), fabs(t->slow[c]) * (1.0 / t->slow_limit));
+    }
+    if (t->learned >= SQUARES_FROM) {
+        share = larger(share, ((t->square[c] * per_variance) - 1.0) * (1.0 / t->square_limit));
+    }
+    return share;
+}
+
+/* Move the means and the common noise, which is the second lowest (of two: the lowest); the channel with the largest share. */
+static int move_means(double m, double allowed, double variance, int n, struct slow_tests *t)
+{
+    const double one = 1.0 / sqrt(variance);
+    const double most = t->square_step * variance;
+    const double gain = 1.0 / smaller(SQUARE, (double)t->learned);
+    double lowest = (double)INFINITY;
+    double second = (double)INFINITY;
+    int worst = t->order[0];
+    for (int i = 0; i < n; i++) {
+        const int c = t->order[i];
+        const double residual = t->value[c] - m;
+        const double r = copysign(larger(fabs(residual) - allowed, 0.0), residual);
+        const double z = r * one;
+        t->whole[c] += gain * (smaller(residual * residual, most) - t->whole[c]);
+        t->fast[c] += (clamp(z, -t->fast_step, t->fast_step) - t->fast[c]) * (1.0 / FAST);
+        t->slow[c] += (clamp(z, -t->slow_step, t->slow_step) - t->slow[c]) * (1.0 / TESTS_SLOW);
+        t->square[c] += gain * (smaller(r * r, most) - t->square[c]);
+        second = smaller(second, larger(lowest, t->whole[c]));
+        lowest = smaller(lowest, t->whole[c]);
+        t->share[c] = share_of(c, one * one, t);
+        worst = (t->share[c] > t->share[worst]) ? c : worst;
+    }
+    t->shaken = (n > 2) ? second : lowest;
+    t->noise += (t->shaken - t->noise) / smaller((double)t->learned, TESTS_LEARNING);
+    return worst;
+}
+
+/* The channel whose share is above 1, a bit, if more than half of the channels, or two of four, are below half of it. */
+static unsigned isolate_one(int worst, int n, struct slow_tests *t)
+{
+    int calm = 0;
+    if (t->share[worst] <= 1.0) {
+        return 0U;
+    }
+    for (int i = 0; i < n; i++) {
+        calm += (t->share[t->order[i]] < (CALM * t->share[worst])) ? 1 : 0;
+    }
+    if (((2 * calm) <= n) && !((n == RIG_CHANNELS) && (calm == 2))) {
+        return 0U;
+    }
+    const double fast = fabs(t->fast[worst]) * (1.0 / t->fast_limit);
+    const double slow = fabs(t->slow[worst]) * (1.0 / t->slow_limit);
+    const bool by_means = larger(fast, slow) >= t->share[worst];
+    t->by = by_means ? RIG_DECIDED_BY_SLOW_MEANS : RIG_DECIDED_BY_SLOW_SQUARES;
+    return 1U << worst;
+}
+
+/* ---- What is learned ---- */
+
+/* Move the biases towards the residuals, within their bound, and that of the reference; in frames of no suspicion.  Each is the
+ * mean of the first frames, then it follows.  A residual counts up to `step`: a burst before the tests begin is not learned. */
+static void learn(double m, double moved, double step, const struct frame *f, struct slow_tests *t)
+{
+    const double most = (t->learned > 0) ? step : (double)INFINITY;
+    const double gain = 1.0 / smaller((double)t->learned + 1.0, TESTS_LEARNING);
+    t->usual_middle += gain * moved;
+    const double furthest = t->set->slow_bias + ((1.6 * t->set->slow_scale) * fabs(t->usual_middle));
+    for (int i = 0; i < f->n; i++) {
+        const int c = t->order[i];
+        t->bias[c] = clamp(t->bias[c] + (gain * clamp(t->value[c] - m, -most, most)), -furthest, furthest);
+    }
+    t->learned++;
+    if (isfinite(t->reference_off)) {
+        const double off = t->reference_off / smaller((double)t->reference_learned + 1.0, TESTS_LEARNING);
+        t->reference_bias = clamp(t->reference_bias + off, -f->reference_threshold, f->reference_threshold);
+        t->reference_learned++;
+    }
+}
+
+/* ---- A frame ---- */
+
+unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
+{
+    struct slow_tests *const t = &s->slow_tests;
+    t->by = RIG_DECIDED_BY_NONE;
+    if ((t->set->slow_means <= 0.0) || (f->n < 2) || !s->split.whole) {
+        return 0U;
+    }
+    const double m = rank_without_bias(f, t);
+    if (!isfinite(m)) { /* differences near the largest number */
+        return 0U;
+    }
+    if (t->learned == 0) {
+        t->usual_middle = m;
+        t->last_middle = m;
+    }
+    if (t->level != f->n) {
+        begin_again(f->n, t);
+    }
+    if (t->learned >= t->limits_until) {
+        renew_limits(t->set, t);
+    }
+    const double variance = larger(larger(t->noise, t->shaken), t->set->slow_noise * t->set->slow_noise);
+    const double moved = difference(m, t->usual_middle, p);
+    const double allowed = allowance(m, moved, sqrt(variance), f->n, p, t);
+    const int worst = (t->learned > 0) ? move_means(m, allowed, variance, f->n, t) : 0;
+    t->reference_off = difference(f->reference - t->reference_bias, m, p);
+    const int way = halves_suspect(f->n, allowed, t);
+    unsigned bits = halves_isolate(way, f->n, s->reference_usable, t);
+    const bool suspected = (way >= 0) && ((t->halves.share * t->set->slow_halves) > CALM);
+    if ((bits == 0U) && (f->n > 2) && !is_split(s->pattern) && !suspected) {
+        bits = isolate_one(worst, f->n, t);
+    }
+    if ((bits == 0U) && (s->pattern == RIG_PATTERN_NORMAL) && (larger(t->share[worst], t->halves.share) < CALM)) {
+        learn(m, moved, (t->fast_step * sqrt(variance)) + allowed, f, t);
+    }
+    return bits;
+}
