@@ -16,9 +16,9 @@ from rig.core.frame import End
         ((True, "", 100, 100.0), "survived, 1 s flown, no reason given"),
         (
             (False, "departure angle of attack", 2138, 100.0),
-            "lost at 21.38 s: angle of attack beyond its limit",
+            "lost at 21.37 s: angle of attack beyond its limit",
         ),
-        ((False, "ground contact", 2138, 1000.0), "lost at 2.138 s: ground contact"),
+        ((False, "ground contact", 2138, 1000.0), "lost at 2.137 s: ground contact"),
     ],
 )
 def test_an_end_is_a_sentence(given: tuple[bool, str, int, float], expected: str):

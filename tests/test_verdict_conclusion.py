@@ -414,4 +414,4 @@ def test_the_outcome_is_the_first_sentence(outcome: str, summary: str, told: str
 def test_a_lost_aircraft_is_told_with_its_reason(end: End, told: str):
     which, rows = flight([], 100, exact=True)
     rows["end"][-1] = end
-    assert conclusion(which, score(which, Table(rows)))[0].startswith(f"LOST at 1.00 s: {told}; no fault injected, ")
+    assert conclusion(which, score(which, Table(rows)))[0].startswith(f"LOST at 0.99 s: {told}; no fault injected, ")

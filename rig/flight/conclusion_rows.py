@@ -53,7 +53,7 @@ class Conclusion(Sequence[str]):
     @property
     def sentences(self) -> list[str]:
         """Return every row as a sentence, as pages, notebooks and JSON show them."""
-        between = " " if self.outcome == LOST else ": "  # LOST at 21.38 s: why
+        between = " " if self.outcome == LOST else ": "  # LOST at 21.37 s: why
         return [f"{self.outcome}{between}{self.summary}", *map(str, (*self.rows, *self.flight))]
 
     def as_dict(self) -> dict[str, Any]:

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from shlex import quote
 from typing import TYPE_CHECKING
 
-from rig.core.ending import why_lost
-from rig.core.units.quantities import seconds
+from rig.core.ending import lost_at, why_lost
 from rig.flight.conclusion_rows import LOST, NOT_SCORED, SURVIVED, Conclusion, Row
 from rig.scenario.scenario import Scenario
 from rig.verdict.context import Context, place_label
@@ -76,7 +75,7 @@ def _summary(context: Context) -> str:
     flight = context.score.flight
     counts = f"{_detected(context)}, {_isolated(context)}"
     if not flight.survived:
-        return f"at {seconds(flight.frames, context.rate_hz)}: {why_lost(flight.end_reason)}; {counts}"
+        return f"at {lost_at(flight.frames, context.rate_hz)}: {why_lost(flight.end_reason)}; {counts}"
     planned = context.scenario.frames
     of = f" of {planned / context.rate_hz:g} s" if flight.frames < planned else ""
     return f"{flight.duration_s:g} s{of} flown, {counts}"
