@@ -61,6 +61,18 @@ def test_one_channel_off_is_failed_at_its_eighth_frame(run: Any):
     assert table["x.pattern"][:8].to_list() == ["isolated"] * 8
 
 
+def test_the_slow_fault_tests_of_a_vote_file_isolate_what_no_threshold_does_and_are_named(run: Any):
+    draw = np.random.default_rng(1)
+    samples = draw.normal(0.0, 0.01, (2000, 4))
+    samples[1200:, 2] += 0.05
+    tests = {"noise_std": 0.01, "bias_tolerance": 0.1}
+    table, found = run(columns(samples), {**SETTINGS, "slow_tests": tests})
+    ((channel, (frame, why)),) = failed(found).items()
+    assert (channel, why) == (3, "slow_means") and 1200 < frame < 1260
+    assert table["x.decided_by"][frame - 1] == "slow_means"
+    assert failed(run(columns(samples), SETTINGS)[1]) == {}
+
+
 def test_two_channels_off_apart_are_never_in_the_vote(run: Any):
     table, found = run(columns(constant(0, 0, 5, 9)), SETTINGS)
     assert failed(found) == {3: (8, "comparison"), 4: (8, "comparison")}

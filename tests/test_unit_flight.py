@@ -12,10 +12,13 @@ import pytest
 from unit_files import faulty, library, needs_a_compiler, udp, unit, written
 
 import rig
+from rig.bench.replay.verify import verify
 from rig.core.errors import BadInput, RigError
-from rig.core.frame import Law, State, UnitStatus
+from rig.core.frame import SIGNALS, DecidedBy, Law, State, UnitStatus
 from rig.flight.pace import realtime
+from rig.log import read_log
 from rig.log.info import info
+from rig.log.recordings.flown_log import recorded
 from rig.unit import startup
 from rig.unit.transport import SocketLink
 from rig.unit.unit_file import Unit
@@ -381,3 +384,29 @@ def test_the_monitor_in_c_is_told_what_lasts_and_flies_the_bits_of_ours(tmp_path
         [flight.rows[field].tobytes() for field in ("state", "decided_by", "voted")] for flight in flights
     )
     assert ours == theirs != off
+
+
+SMALL = ("pitch_rate", 2, 0.004), ("roll_rate", 3, 0.01)  # rad/s, below every threshold
+TESTED = (
+    *(f"redundancy.signals.{signal.name}.slow_tests.factor=1.5" for signal in SIGNALS),
+    "duration_s=7",
+    "faults=[{}]".format(
+        ",".join(f'{{kind="offset",signal="{name}",channels=[{c}],start_s=5.5,offset={x}}}' for name, c, x in SMALL)
+    ),
+)
+
+
+def test_slow_fault_tests_isolate_in_closed_loop_by_name_and_the_monitor_in_c_in_the_same_frame(tmp_path: Path):
+    ours = rig.fly(overrides=TESTED, out=tmp_path)
+    tested = unit(tmp_path, "monitor")
+    theirs = rig.fly(overrides=TESTED, out=tmp_path / "unit", unit=tested)
+    for field in ("state", "level", "pattern", "decided_by", "voted"):
+        assert ours.rows[field].tobytes() == theirs.rows[field].tobytes(), field
+    decided_by = set(ours.rows["decided_by"].ravel().tolist())
+    assert ours.failed == {name: [c] for name, c, _ in SMALL}
+    assert decided_by == {DecidedBy.NONE, DecidedBy.SLOW_MEANS, DecidedBy.SLOW_SQUARES}
+    assert verify(recorded(ours.log)).comparison.identical  # rig replay
+    scored = score_log(ours.log, Yardstick(), baseline=False)
+    assert {fault.decided_by for fault in scored.score.faults} == {"slow_means", "slow_squares"}
+    said = [event.text for event in read_log(ours.log).events if "slow" in event.text]
+    assert len(said) == 2 and any(text.endswith("slow_means") for text in said), said
