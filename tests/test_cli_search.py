@@ -39,13 +39,15 @@ def space(folder: Path, varied: str = OFFSET) -> str:
     ("varied", "options", "told"),
     [
         ('[vary]\nturbulence = ["none", "light"]\n', (), "vary: no number varies with none; a search needs a range"),
-        (OFFSET, ("--flights", "25"), "--flights: 25 draws are too few for 24 random ones and a population of 6"),
+        (OFFSET, ("--trials-first", "--bench"), "--trials-first: not with --bench"),
+        (OFFSET, ("--trials-first", "--method", "cma"), "--trials-first: not with --method cma"),
+        (OFFSET, ("--trials-first", "--requirement", "departure"), "--trials-first: "),
         (OFFSET, ("--requirement", "vot"), "--requirement 'vot': unknown, "),
         (OFFSET, ("--requirements", "redundanc"), "redundanc: no such requirements file; bundled: "),
         (OFFSET, ("--against", "redundancy.managr=median"), "--against redundancy.managr=median: redundancy.managr: "),
         (OFFSET, ("--against", "faults.0.offset=1"), "--against faults.0.offset: varies in the campaign"),
         (OFFSET, ("--against", "median"), "--against median: must be key=value"),
-        (OFFSET, ("--method", "best"), "--method best: must be one of cma, random"),
+        (OFFSET, ("--method", "best"), "--method best: must be one of regions, cma, random"),
         (OFFSET, ("--set", "redundancy.manager=rig.none:Other", "--bench"), "redundancy.manager: "),
     ],
 )

@@ -202,6 +202,30 @@ def test_what_open_loop_trials_do_not_have_is_refused(tmp_path: Path):
         run(plan(bench=True, formula="departure >= 0.2"), tmp_path / "s", workers=1)
 
 
+def test_trials_before_the_flights_say_where_the_flights_begin_and_a_cut_search_makes_them_again(tmp_path: Path):
+    asked = {"flights": 32, "trials_first": True}
+    ended = run(plan(**asked), tmp_path / "s", workers=1)
+    trials = ended.figures["trials"]
+    assert trials["trials"] == 320 and trials["violated"] > 160 and trials["flights"] == 8
+    assert trials["agree"] >= 6 and ended.flights == 32
+    runs = open_folder(tmp_path / "s").tables["runs"]
+    least = [robustness(told) for told in runs["requirements"]]
+    assert np.median(least[24:32]) < np.median(least[:24])
+    again_ended = run(plan(**asked), cut(tmp_path / "s", tmp_path / "cut", 1), workers=2)
+    assert again_ended.table_sha256 == ended.table_sha256 and again_ended.figures["trials"] == trials
+
+
+def test_a_search_of_another_version_of_the_forest_is_refused(
+    whole: tuple[Path, Ended], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("rig.studies.search.search_plan.forest_version", lambda: "scikit-learn 99.0")
+    with pytest.raises(
+        BadInput, match=r"contains runs of another campaign: search.forest was .*scikit-learn 99.0"
+    ) as e:
+        run(plan(), whole[0], workers=1)
+    assert "\n" not in str(e.value)
+
+
 def test_a_requirement_that_no_fault_is_needed_to_violate_is_refused_before_anything_is_written(tmp_path: Path):
     with pytest.raises(BadInput, match=r"^--requirement x: violated without any fault at 0.00 s"):
         run(plan(formula="true.altitude_m >= 20000"), tmp_path / "s", workers=1)

@@ -74,6 +74,9 @@ class SearchOptions:
     bench: Annotated[
         bool, flag("--bench", "Search in open loop: one signal, on the true values of a healthy flight.")
     ] = False
+    trials_first: Annotated[
+        bool, flag("--trials-first", "Search in open loop first, ten times as long; begin flights at what it found.")
+    ] = False
     unit: UnitFile = None
     scheduler: Scheduler = None
     seed: Seed = 0
@@ -129,6 +132,12 @@ def _shown(robustness: float | None) -> str:
     return "none" if robustness is None else f"{robustness:.4g}"
 
 
+def _trials(f: dict[str, int]) -> str:
+    """Return what the trials before the flights found."""
+    alike = f"{f['agree']} of {f['flights']} flights at the best of their regions agree with the trial"
+    return f"{f['violated']} of {f['trials']} open-loop trials violate; {alike}"
+
+
 def _show(ended: Ended, out: Path) -> None:
     """Print the worst case, its confidence, and its files."""
     f = ended.figures
@@ -142,6 +151,7 @@ def _show(ended: Ended, out: Path) -> None:
             f"{drawn['violated']} of {drawn['flights']} flights violate; violation rate at most "
             f"{100 * drawn['upper_95']:.3g} % (95 % upper bound)",
         ),
+        *([("trials", _trials(f["trials"]))] if "trials" in f else []),
         (
             "worst",
             f"run {worst['run']}, {worst['arm']}: {worst['confirmed'][0]} of {worst['confirmed'][1]} new seeds violate"

@@ -12,7 +12,7 @@ The forest is imported only here and late: the import takes seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ROUND: Final = 8  # draws
 ENOUGH: Final = 24  # finds that close a region
 PATIENCE: Final = 4  # rounds without a better value that close it
-EXPLORE: Final = 3  # draws of a round taken anywhere, until the region has a find
+EXPLORE: Final = 3 / 8  # of a round, taken anywhere until the region has a find
 NEAR: Final = 0.35  # radius of a region in six dimensions; it grows with the root of their number
 _APART: Final = 0.08  # between the draws of a round
 _BETTER: Final = 1e-3  # of a value, that counts
@@ -49,9 +49,18 @@ def forest_version() -> str:
     return ", ".join(f"{name} {version(name)}" for name in ("scikit-learn", "scipy"))
 
 
-def regions(arms: Sequence[Space], draws: int, seed: int, pieces: Sequence[Sequence[int]] = ()) -> Schedule:
+def regions(
+    arms: Sequence[Space],
+    draws: int,
+    seed: int,
+    *,
+    pieces: Sequence[Sequence[int]] = (),
+    starts: Sequence[Draw] = (),
+    size: int = ROUND,
+) -> Schedule:
     """Yield the next draws, a round at a time, ``draws`` in all.
 
+    starts : draws that another search recommends, made after the first ones; size : of a round
     pieces : of every arm, for each signal the places of its pieces in the point, in the order of time.  A signal is
         first drawn in 1, 2, 4, ... equal parts, and stretches of it move together.
     """
@@ -59,15 +68,17 @@ def regions(arms: Sequence[Space], draws: int, seed: int, pieces: Sequence[Seque
     flown = _Flown(arms)
     asked = [cubes.even(arm) for arm in in_turn(arms, first_count(arms, draws), seed)]
     flown.add(asked, (yield asked))
+    if asked := list(starts[: draws - len(flown)]):
+        flown.add(asked, (yield asked))
     best, waited = math.inf, 0
     while len(flown) < draws:
         while not flown.open.any() or flown.found() >= flown.enough or waited >= PATIENCE:
             flown.close()
             best, waited = math.inf, 0
-        size, found = min(ROUND, draws - len(flown)), flown.found() > 0
-        chance = 0 if found else size if flown.flat() else min(EXPLORE, size)
-        asked = _expected(flown, cubes, size - chance, rng)
-        while len(asked) < size:
+        count = min(size, draws - len(flown))
+        chance = 0 if flown.found() else count if flown.flat() else math.ceil(EXPLORE * count)
+        asked = _expected(flown, cubes, count - chance, rng)
+        while len(asked) < count:
             untried = flown.untried(asked)
             arm = untried[0] if untried else int(rng.integers(len(arms)))
             asked.append(cubes.even(arm) if len(asked) % 2 else cubes.uniform(arm, rng))
@@ -96,6 +107,15 @@ def _expected(flown: _Flown, cubes: _Cubes, count: int, rng: Generator) -> list[
         if all(np.linalg.norm(each.point - tried[i].point) > _APART for each in near):
             taken.append(tried[i])
     return taken
+
+
+def best_apart(draws: Sequence[Draw], values: Sequence[float]) -> Iterator[int]:
+    """Yield the place of the best draw of each region, the best first; no region begins within another."""
+    arm, point = _places(draws, max(len(draw.point) for draw in draws))
+    left = np.argsort(values, kind="stable")
+    while len(left):
+        yield int(left[0])
+        left = left[~_within(draws[left[0]], arm[left], point[left])]
 
 
 class _Cubes:
@@ -160,7 +180,7 @@ class _Flown:
 
     def add(self, draws: Sequence[Draw], results: Sequence[Result]) -> None:
         """Take the results of the last draws."""
-        arm, point = self._places(draws)
+        arm, point = _places(draws, self._width)
         self._tried[arm] = True
         self.draws += draws
         self._arm, self._point = np.append(self._arm, arm), np.append(self._point, point, axis=0)
@@ -175,13 +195,13 @@ class _Flown:
 
     def found(self) -> int:
         """Return the number of finds in the region around the best open point."""
-        return int((self._violated & self._within(self.draws[self.ranked()[0]], self._arm, self._point)).sum())
+        return int((self._violated & _within(self.draws[self.ranked()[0]], self._arm, self._point)).sum())
 
     def close(self) -> None:
         """Close the region around the best open point; if none is open, open all for twice as many finds."""
         if self.open.any():
             self._closed.append(self.draws[self.ranked()[0]])
-            self.open &= ~self._within(self._closed[-1], self._arm, self._point)
+            self.open &= ~_within(self._closed[-1], self._arm, self._point)
         else:
             self._closed.clear()
             self.open[:] = True
@@ -189,10 +209,10 @@ class _Flown:
 
     def outside(self, draws: Sequence[Draw]) -> NDArray[np.bool_]:
         """Return whether each point is outside of all closed regions."""
-        arm, point = self._places(draws)
+        arm, point = _places(draws, self._width)
         out = np.ones(len(draws), bool)
         for centre in self._closed:
-            out &= ~self._within(centre, arm, point)
+            out &= ~_within(centre, arm, point)
         return out
 
     def flat(self) -> bool:
@@ -210,9 +230,9 @@ class _Flown:
 
         learnt = self._learnt()
         y = _stretched(self.value[learnt])
-        forest = ExtraTreesRegressor(_TREES, min_samples_leaf=2, max_features=0.7, random_state=seed, n_jobs=1)
+        forest = ExtraTreesRegressor(_TREES, max_features=0.7, random_state=seed, n_jobs=1)
         forest.fit(self._encoded(self._arm[learnt], self._point[learnt]), y)
-        code = self._encoded(*self._places(candidates))
+        code = self._encoded(*_places(candidates, self._width))
         of_trees = np.array([tree.predict(code) for tree in forest.estimators_])
         return of_trees.mean(0) - of_trees.std(0)
 
@@ -224,18 +244,6 @@ class _Flown:
         best = np.argsort(self.value, kind="stable")[: _LEARNT // 2]
         return np.union1d(best, every[-(_LEARNT // 2) :])
 
-    def _places(self, draws: Sequence[Draw]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return arms and points, filled up to one width."""
-        point = np.full((len(draws), self._width), 0.5)
-        for i, draw in enumerate(draws):
-            point[i, : len(draw.point)] = draw.point
-        return np.array([draw.arm for draw in draws], np.int64), point
-
-    def _within(self, centre: Draw, arm: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.bool_]:
-        d = len(centre.point)
-        distance = np.linalg.norm(point[:, :d] - centre.point, axis=1)
-        return (arm == centre.arm) & (distance <= NEAR * math.sqrt(d / 6.0))
-
     def _encoded(self, arm: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the columns of the forest: the point, then a column for each arm or each digit of its number."""
         count = len(self._dimensions)
@@ -245,6 +253,21 @@ class _Flown:
         else:
             codes = ((numbers[:, None] >> np.arange(count.bit_length())) & 1).astype(np.float32)
         return np.hstack([point.astype(np.float32), codes[arm]])
+
+
+def _places(draws: Sequence[Draw], width: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return arms and points, filled up to one width."""
+    point = np.full((len(draws), width), 0.5)
+    for i, draw in enumerate(draws):
+        point[i, : len(draw.point)] = draw.point
+    return np.array([draw.arm for draw in draws], np.int64), point
+
+
+def _within(centre: Draw, arm: NDArray[np.int64], point: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which of the points are in the region around ``centre``."""
+    d = len(centre.point)
+    distance = np.linalg.norm(point[:, :d] - centre.point, axis=1)
+    return (arm == centre.arm) & (distance <= NEAR * math.sqrt(d / 6.0))
 
 
 def _stretched(value: NDArray[np.float64]) -> NDArray[np.float64]:

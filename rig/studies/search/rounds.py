@@ -30,7 +30,7 @@ class Space(Protocol):
 
 
 class Result(Protocol):
-    """What a draw is worth."""
+    """The worth of a draw."""
 
     @property
     def value(self) -> float:
@@ -60,7 +60,7 @@ def first_count(arms: Sequence[Space], draws: int) -> int:
 
 
 def in_turn(arms: Sequence[Space], count: int, seed: int) -> list[int]:
-    """Return the arms of ``count`` draws, from all in turn; which arms are left out of too few is chance."""
+    """Return the arms of ``count`` draws, from all in turn; chance decides which are left out."""
     order = np.random.default_rng([seed, len(arms)]).permutation(len(arms)).tolist() if count < len(arms) else None
     return [order[i] if order else i % len(arms) for i in range(count)]
 

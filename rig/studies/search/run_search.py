@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from rig.core.errors import BadInput
 from rig.core.files import require_place
-from rig.core.interrupt import interruptible
+from rig.core.interrupt import Stop, interruptible
 from rig.core.outputs import BESIDE_RUNS
 from rig.core.progress import tell
 from rig.scenario.overrides import parse_set, set_key
@@ -37,6 +37,7 @@ from rig.studies.search.objective import Measured, deciding, measured
 from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
 from rig.studies.search.shrink import SEEDS as SHRINK_SEEDS
 from rig.studies.search.shrink import shrink, simplest
+from rig.studies.search.trials_first import trial_plan, tried
 from rig.studies.search.worst_flight import decision
 from rig.unit.unit_file import Unit
 from rig.verdict.requirements.robustness import robustness_text
@@ -66,14 +67,17 @@ def run(
 
     BadInput before anything is written; RigError: the disk is full, or workers keep stopping.
     """
-    if plan.asked.bench and unit is not None:
-        raise BadInput("--unit: not with --bench, which votes without a flight")
+    if unit is not None and (plan.asked.bench or plan.asked.trials_first):
+        option = "--bench" if plan.asked.bench else "--trials-first"
+        raise BadInput(f"--unit: not with {option}, which votes without a flight")
     began, batch = perf_counter(), bench.run_batch if plan.asked.bench else fly_batch
     pool, kill = pool_of(plan, workers, scheduler, unit), True
     try:
         plan.check()
         if plan.asked.bench:
             bench.check(plan)
+        if plan.asked.trials_first:
+            trial_plan(plan)
         _require_begun_or_new(plan, out, unit)
         with interruptible(again=True) as stop:
             try:
@@ -84,7 +88,7 @@ def run(
             with flown(plan, out, pool, stop, unit, batch) as flights:
                 figures: dict[str, Any] = {}
                 with suppress(Interrupted):  # the flown flights are in the folder; the same command resumes
-                    found = _searched(plan, flights)
+                    found = _searched(plan, flights, stop)
                     # in open loop or not
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop, unit) as others:
                         figures = _finished(plan, found, others, out)
@@ -103,6 +107,7 @@ class _Found:
 
     ids: tuple[str, ...]
     results: list[Measured]  # of each draw, in their order
+    trials: dict[str, int]  # figures of those before the flights; empty if there are none
 
 
 def _require_begun_or_new(plan: SearchPlan, out: Path, unit: Unit | None) -> None:
@@ -113,11 +118,12 @@ def _require_begun_or_new(plan: SearchPlan, out: Path, unit: Unit | None) -> Non
             require_place(out / name)
 
 
-def _searched(plan: SearchPlan, flights: Flown) -> _Found:
-    """Fly the draws; return the value of each."""
+def _searched(plan: SearchPlan, flights: Flown, stop: Stop) -> _Found:
+    """Fly the draws; return the value of each.  Interrupted: asked to stop."""
+    trials = tried(plan, stop) if plan.asked.trials_first else None
     results: list[Measured] = []
     ids: tuple[str, ...] = ()
-    coming = plan.schedule()
+    coming = plan.schedule(starts=trials.starts) if trials else plan.schedule()
     next(coming)
     numbers = list(range(len(plan.choices)))  # the first flights are in the plan already
     while True:
@@ -132,7 +138,7 @@ def _searched(plan: SearchPlan, flights: Flown) -> _Found:
         try:
             numbers = plan.add(coming.send(new))
         except StopIteration:
-            return _Found(ids, results)
+            return _Found(ids, results, trials.agreement(results[plan.random :]) if trials else {})
 
 
 def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> dict[str, Any]:
@@ -153,6 +159,8 @@ def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path) -> d
         shrunk = simplest(kept, last, fly)
     figures = result.figures(plan, found, places, candidates, chosen, shrunk, out)
     figures["left_out"] = [each for each in plan.asked.requirements if each not in searched.ids]
+    if searched.trials:
+        figures["trials"] = searched.trials
     if shrunk.violations:
         result.write_scenario(out / result.SCENARIO, plan, shrunk)
     tell("drawing the worst flight")

@@ -36,6 +36,7 @@ class Asked:
     against: str | None = None  # KEY=VALUE of a second flight of each draw
     seed: int = 0
     bench: bool = False
+    trials_first: bool = False
 
     @property
     def of_one_draw(self) -> int:
@@ -72,9 +73,9 @@ class SearchPlan(Plan):
         self.add(next(self.schedule()))
         self.random = len(self.draws)
 
-    def schedule(self) -> Schedule:
-        """Return the draws of the method, from the first one."""
-        return METHODS[self.asked.method](self.arms, self.most_draws, self.asked.seed)
+    def schedule(self, **of_method: Any) -> Schedule:
+        """Return the draws of the method, from the first one; ``of_method``: its own keywords."""
+        return METHODS[self.asked.method](self.arms, self.most_draws, self.asked.seed, **of_method)
 
     @property
     def most_draws(self) -> int:
