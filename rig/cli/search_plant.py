@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from rig.studies.search.plants.plant_file import PlantPlan
 
-_OF_FLIGHTS = ("against", "requirements", "bench", "unit", "scheduler", "sets", "allow_code")
+_OF_FLIGHTS = ("against", "requirements", "bench", "trials_first", "unit", "scheduler", "sets", "allow_code")
 _WIDTH = 11
 _STRETCHES = 4  # of a signal that are printed
 
