@@ -246,7 +246,7 @@ ENDS = "def plant(a):\n    if a > 0.5:\n        {}\n    return [0.0, 10.0], {{'x
 def test_a_simulation_that_never_ends_or_ends_its_process_fails_alone(tmp_path, does, says):
     outcomes = simulated(written(tmp_path, ENDS.format(does)), (0.1, 0.9, 0.2), timeout_s=1.0)
     assert says in outcomes[1].reason and outcomes[1].columns is None
-    assert [outcome.columns["x"][0] for outcome in outcomes[::2]] == [0.1, 0.2]
+    assert [(outcome.columns or {})["x"][0] for outcome in outcomes[::2]] == [0.1, 0.2]
 
 
 def test_a_function_of_this_process_is_limited_too():

@@ -17,16 +17,18 @@ from rig.core.outputs import require_apart
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rig.cli.search import SearchOptions
     from rig.studies.search.plants.plant_file import PlantPlan
 
-_OF_FLIGHTS = ("against", "requirements", "bench", "unit", "scheduler", "sets", "allow_code")
+_OF_FLIGHTS = ("against", "requirements", "bench", "trials_first", "unit", "scheduler", "sets", "allow_code")
 _WIDTH = 11
 _STRETCHES = 4  # of a signal that are printed
 
 
-def search_a_plant(options: SearchOptions, plant: str) -> None:
-    """Search over the function that ``--plant`` names.  BadInput: an option of flights, and as ``rig.search``."""
+def search_a_plant(options: Any, plant: str) -> None:
+    """Search over the function that ``--plant`` names.  BadInput: an option of flights, and as ``rig.search``.
+
+    options : of ``rig search``
+    """
     for name in _OF_FLIGHTS:
         if getattr(options, name):
             option = "--set" if name == "sets" else f"--{name.replace('_', '-')}"

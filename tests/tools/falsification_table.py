@@ -35,7 +35,7 @@ of the automatic transmission of the ARCH-COMP falsification category is violate
 
 Sources: B. Hoxha, H. Abbas, G. Fainekos, *Benchmarks for temporal logic requirements for automotive systems*, ARCH 2014
 (model, requirements); G. Ernst and others, *ARCH-COMP 2020 category report: Falsification*, EPiC Series in Computing,
-volume 74, 2020, pp. 140-152 (rules). The model is ours, written from its published equations and tables:
+volume 74, 2020, pp. 140-152 (rules). We wrote the model from its published equations and tables:
 `docs/examples/plants/automatic_transmission.py`.
 
 - **Instance 1** leaves the inputs free. We chose {free} constant pieces of 2.5 s for throttle and brake.

@@ -195,7 +195,7 @@ def unknown_family(name: str) -> str:
 
 
 def check_grammar(text: str) -> None:
-    """Refuse a formula that says nothing of any subject, whatever its names are: Refused, with its column."""
+    """Refuse a formula that no subject could be measured by, whatever its names are: Refused, with its column."""
     if CHANNEL in text and SIGNAL not in text:
         raise Refused(f"{CHANNEL} goes with {SIGNAL}", text.index(CHANNEL) + 1)
     anything = lambda name: True  # noqa: E731

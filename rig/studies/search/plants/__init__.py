@@ -2,7 +2,7 @@
 
 plant_file.py     the plan: ranges, pieces of signals, requirements
 plant_signal.py   a signal as the function gets it; plant_space.py  the unit cube of numbers and pieces
-plant_call.py     one call of the function in a process of its own; plant_workers.py  these processes, and their limit
+plant_call.py     one call of the function, in a process; plant_workers.py  these processes, and their time limit
 plant_subject.py  requirements over columns
 plant_rounds.py   simulations of a search, in a folder; run_plant_search.py  the search; plant_clusters.py  its finds,
                   simulated again; plant_result.py  its figures; plant_api.py  rig.search

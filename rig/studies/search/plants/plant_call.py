@@ -101,7 +101,7 @@ def _arguments(function: Function, call: Call) -> dict[str, Any]:
 
 
 class Wrong(ValueError):
-    """What a plant returned is not what is asked for."""
+    """A plant returned something else than times and columns, or its file has no such function."""
 
 
 def on_frames(returned: Any, call: Call) -> Columns:

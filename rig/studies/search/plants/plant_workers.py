@@ -30,7 +30,7 @@ _IMPORT_S: Final = 60.0  # for the file of the user
 
 
 class Runner(Protocol):
-    """What runs the simulations of a plant."""
+    """A way to run the simulations of a plant."""
 
     called: str  # the plant, for messages
 

@@ -40,7 +40,7 @@ _METHODS: Final = ("regions", "cma", "random")
 
 @dataclass(frozen=True, slots=True)
 class PlantAsked:
-    """What decides a search beside its plan."""
+    """The options that decide a search, beside its plan."""
 
     simulations: int = 300
     requirements: tuple[str, ...] = ()  # ids; all of the plan if there are none
