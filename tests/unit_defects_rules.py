@@ -68,8 +68,8 @@ SPLITS = [
     ),
     Defect("an answer is its rule alone", "&& (blames == split->blames) &&", "&&"),
     Defect("an answer is whom it blames alone", "same = (f->decided_by == split->rule) && (blames", "same = (blames"),
-    Defect("never given up", "(most > 0) && (s->split", "(most < 0) && (s->split"),
-    Defect("given up a frame late", "(s->split.unresolved >= most)", "(s->split.unresolved > most)"),
+    Defect("never given up", "(most <= 0) || (s->split", "(most >= 0) || (s->split"),
+    Defect("given up a frame late", "(s->split.unresolved < most)", "(s->split.unresolved <= most)"),
     Defect(
         "given up by the frames of one pattern",
         "        split->unresolved++;",

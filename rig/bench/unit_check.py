@@ -32,7 +32,19 @@ from rig.unit.port import RECEIVED, is_allowed
 from rig.unit.running_unit import UnitUnderTest, running
 from rig.unit.session import box_rule, settings_of
 from rig.unit.unit_file import Unit, read_unit
-from rig.unit.unit_records import ANSWERS, FROM_UNIT, INPUT, OUTPUT, REFERENCES, Kind, Role, Said, blank, role_of
+from rig.unit.unit_records import (
+    ANSWERS,
+    FROM_UNIT,
+    INPUT,
+    OLD_INTERFACES,
+    OUTPUT,
+    REFERENCES,
+    Kind,
+    Role,
+    Said,
+    blank,
+    role_of,
+)
 from rig.unit.vectors import Case, answers, ask, differences, load
 
 PAUSE_S: Final = 1.0
@@ -157,8 +169,9 @@ def _interface(unit: Unit, cases: list[Case]) -> Iterator[Requirement]:
 
 
 def _longest(cases: list[Case], role: Role) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return CONFIG (1,) and INPUT (n,) of the longest case."""
-    longest = max(cases, key=lambda case: len(case.inputs))
+    """Return CONFIG (1,) and INPUT (n,) of the longest case that units of all versions can be given."""
+    oldest = OLD_INTERFACES[-1]
+    longest = max((case for case in cases if not asked_since(oldest, case.config)), key=lambda case: len(case.inputs))
     config = longest.config.copy()
     config["role"] = role
     return config, longest.inputs
