@@ -8,10 +8,10 @@ from itertools import count
 import numpy as np
 import pytest
 
-from rig.studies.search.clusters import APART, NEAR, Cluster, apart, clusters
+from rig.studies.search.clusters import APART, Cluster, apart, clusters
 from rig.studies.search.confirm_worst import Table
 from rig.studies.search.objective import Measured
-from rig.studies.search.rounds import Draw
+from rig.studies.search.rounds import NEAR, Draw
 from rig.studies.search.worst_cases import MOST, worst_cases
 
 

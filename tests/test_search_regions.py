@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from search_methods import cube, searched
 
-from rig.studies.search.regions import NEAR, ROUND, regions
-from rig.studies.search.rounds import Draw
+from rig.studies.search.regions import ROUND, regions
+from rig.studies.search.rounds import NEAR, Draw
 
 
 def distance(draw: Draw, place: float) -> float:

@@ -8,9 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rig.studies.search.rounds import Draw
+from rig.studies.search.rounds import Draw, radius
 
-NEAR: Final = 0.35  # radius in six dimensions; distances in a cube grow with the root of their number
 APART: Final = 0.1  # between two points of a cluster of which one is chosen
 
 
@@ -25,13 +24,13 @@ def clusters(draws: Sequence[Draw], values: Sequence[float], violated: Sequence[
     """Return the clusters, of each arm the worst first, then the second of each.
 
     From the smallest value on, a violating point begins a cluster or belongs to the nearest one that begins within
-    NEAR.  No two clusters of an arm begin nearer to each other.
+    ``radius``.  No two clusters of an arm begin nearer to each other.
     """
     made: list[list[int]] = []
     for i in _ranked(values, (i for i, found in enumerate(violated) if found)):
         apart = [(_apart(draws, of[0], i), k) for k, of in enumerate(made) if draws[of[0]].arm == draws[i].arm]
         nearest = min(apart, default=(math.inf, -1))
-        if nearest[0] <= NEAR * math.sqrt(len(draws[i].point) / 6.0):
+        if nearest[0] <= radius(len(draws[i].point)):
             made[nearest[1]].append(i)
         else:
             made.append([i])

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from rig.studies.search.rounds import Draw, Result, Schedule, Space, first_count, in_turn
+from rig.studies.search.rounds import Draw, Result, Schedule, Space, first_count, in_turn, radius
 
 if TYPE_CHECKING:
     from scipy.stats.qmc import Sobol
@@ -29,7 +29,6 @@ ROUND: Final = 8  # draws
 ENOUGH: Final = 24  # finds that close a region
 PATIENCE: Final = 4  # rounds without a better value that close it
 EXPLORE: Final = 3 / 8  # of a round, taken anywhere until the region has a find
-NEAR: Final = 0.35  # radius of a region in six dimensions; it grows with the root of their number
 _APART: Final = 0.08  # between the draws of a round
 _BETTER: Final = 1e-3  # of a value, that counts
 _FLAT: Final = 0.1  # share of points of the least value beyond which nothing shows the way
@@ -267,7 +266,7 @@ def _within(centre: Draw, arm: NDArray[np.int64], point: NDArray[np.float64]) ->
     """Return which of the points are in the region around ``centre``."""
     d = len(centre.point)
     distance = np.linalg.norm(point[:, :d] - centre.point, axis=1)
-    return (arm == centre.arm) & (distance <= NEAR * math.sqrt(d / 6.0))
+    return (arm == centre.arm) & (distance <= radius(d))
 
 
 def _stretched(value: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ sent, in their order.  Nothing here needs a campaign or a flight.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol
@@ -17,6 +18,7 @@ LEAST_FIRST: Final = 24  # draws before a method chooses, and a tenth of all
 EACH: Final = 4  # of them for each arm, while they are at most half of all
 Method = Literal["regions", "cma", "random"]
 Point = NDArray[np.float64]  # (dimensions,) of the unit cube
+NEAR: Final = 0.35  # radius of a region in six dimensions; see ``radius``
 _RANDOM: Final = 0  # spawn key of the generators
 
 
@@ -52,6 +54,11 @@ class Draw:
 
 
 Schedule = Generator[list[Draw], Sequence[Result], None]  # yields draws, is sent their results; the smallest is best
+
+
+def radius(dimensions: int) -> float:
+    """Return the radius of a region; distances in a cube grow with the root of its dimensions."""
+    return NEAR * math.sqrt(dimensions / 6.0)
 
 
 def first_count(arms: Sequence[Space], draws: int) -> int:
