@@ -43,14 +43,14 @@ volume 74, 2020, pp. 140-152 (rules). We wrote the model from its published equa
 - {repetitions} repetitions of at most {simulations} simulations, seeds 0 to {last}. *Mean* and *median* are of the
   repetitions with a violation.
 - Again: `python tests/tools/falsification_table.py --repetitions {repetitions}`. It took {minutes:.0f} minutes on one
-  core of a busy machine.
+  core.
 """
 TAIL: Final = """
 ## What it shows
 
 - `AT2` and `AT6a` to `AT6c` have a slope, and the search follows it.
 - **Where the search is behind:** `AT1` needs full throttle for 20 s, a corner of the space to which robustness leads
-  slowly. `AT51` to `AT54` compare the gear: robustness shows no direction there, and the search takes two to five times
+  slowly. `AT51` to `AT54` compare the gear: robustness shows no direction there, and the search takes about two to five times
   as many simulations as random inputs, because it first draws signals of few parts, which change gears seldom.
 - **Published results of other tools are not listed.** We could not confirm the figures, and those tools simulate the
   Simulink model.
