@@ -50,12 +50,12 @@ TAIL: Final = """
 
 - `AT2` and `AT6a` to `AT6c` have a slope, and the search follows it.
 - **Where the search is behind:** `AT1` needs full throttle for 20 s, a corner of the space to which robustness leads
-  slowly. `AT51` to `AT54` compare the gear: robustness shows no direction there, and the search takes about two to five times
-  as many simulations as random inputs, because it first draws signals of few parts, which change gears seldom.
+  slowly. `AT51` to `AT54` compare the gear: robustness shows no direction there, and the search takes about two to five
+  times as many simulations as random inputs. A probable cause, not measured: its first signals have few parts, which
+  change gears seldom.
 - **Published results of other tools are not listed.** We could not confirm the figures, and those tools simulate the
   Simulink model.
-- `F16`, `CC`, `NN`, `WT`, `SC` and the other models of the category are not here: they are code of others, or are not
-  published as equations.
+- The other models of the category are not here.
 """
 
 
