@@ -68,11 +68,11 @@ class Peer:
         self.send(self.head(np.zeros(1, HELLO), Kind.HELLO, session=session))
         return self.receive(READY)
 
-    def configure(self, record: np.ndarray, order: tuple[int, ...] = (2, 0, 5, 3, 0, 4, 1)) -> Any:
+    def configure(self, record: np.ndarray, order: tuple[int, ...] = ()) -> Any:
         """Send CONFIG out of order and one part of it twice."""
         data = self.head(record, Kind.CONFIG).tobytes()
         parts = -(-CONFIG.itemsize // PART_BYTES)
-        for i in order:
+        for i in order or (*range(2, parts), 0, 0, 1):
             part = self.head(np.zeros(1, PART), Kind.CONFIG, part=i, parts=parts)
             slice_ = np.frombuffer(data[i * PART_BYTES : (i + 1) * PART_BYTES], "u1")
             part["bytes"][0, : len(slice_)] = slice_
