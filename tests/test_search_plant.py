@@ -143,7 +143,7 @@ def test_a_plan_that_makes_no_sense_is_one_line(given, says):
 
 
 BAD_REQUIREMENTS = [
-    ({"formula": "always[0, 1] speeed < 1"}, "column 14: the plant has no column 'speeed', allowed: a, speed, yes"),
+    ({"formula": "always[0, 1] height < 1"}, "column 14: the plant has no column 'height', allowed: a, speed, yes"),
     ({"formula": "speed"}, "column 1: 'speed' is not a condition"),
     ({"formula": "yes < 1"}, "'yes' is a yes or no, not a number"),
     ({"formula": "always[0, 11] speed < 1"}, "windows of 11 s, at most 10 s are allowed"),
