@@ -278,8 +278,8 @@ def test_names_of_patterns_and_rules_are_those_of_the_table():
     from rig.bench.write_votes import PATTERNS, STATES, TIE_BREAKS
 
     assert PATTERNS == ("normal", "isolated", "2:2", "1:1:1:1", "1:1:1", "1:1", "lost")
-    ours = ("box", "common", "slow", "lane", "given_up", "slow_means", "slow_squares", "slow_halves")
-    assert ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", *ours) == TIE_BREAKS
+    further = ("box", "common", "slow", "lane", "given_up", "slow_means", "slow_squares", "slow_halves")
+    assert ("none", "ilm", "trend", "reference", "extremes", "middle", "unresolved", *further) == TIE_BREAKS
     assert [State[name.upper()] for name in STATES] == [0, 1, 2]
     assert len(PATTERNS) == len(Pattern) and len(TIE_BREAKS) == len(DecidedBy)
 

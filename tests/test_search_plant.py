@@ -368,8 +368,8 @@ def test_jsbsim_is_not_loaded(tmp_path):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ("--plant tank.py:tank --bench", "--bench: is of flights, and not with --plant"),
-        ("--plant tank.py:tank --set a=1", "--set: is of flights, and not with --plant"),
+        ("--plant tank.py:tank --bench", "--bench: is for flights, not with --plant"),
+        ("--plant tank.py:tank --set a=1", "--set: is for flights, not with --plant"),
         ("--plant tank.py:tank --requirement over", "--requirement 'over': unknown, allowed: overflow"),
         ("--plant tank.py:tank --method best", "--method 'best': must be one of regions, cma, random"),
         ("--plant tank.py", "--plant tank.py: must be FILE.py:function"),

@@ -397,16 +397,16 @@ TESTED = (
 
 
 def test_slow_fault_tests_isolate_in_closed_loop_by_name_and_the_monitor_in_c_in_the_same_frame(tmp_path: Path):
-    ours = rig.fly(overrides=TESTED, out=tmp_path)
+    built_in = rig.fly(overrides=TESTED, out=tmp_path)
     tested = unit(tmp_path, "monitor")
-    theirs = rig.fly(overrides=TESTED, out=tmp_path / "unit", unit=tested)
+    in_c = rig.fly(overrides=TESTED, out=tmp_path / "unit", unit=tested)
     for field in ("state", "level", "pattern", "decided_by", "voted"):
-        assert ours.rows[field].tobytes() == theirs.rows[field].tobytes(), field
-    decided_by = set(ours.rows["decided_by"].ravel().tolist())
-    assert ours.failed == {name: [c] for name, c, _ in SMALL}
+        assert built_in.rows[field].tobytes() == in_c.rows[field].tobytes(), field
+    decided_by = set(built_in.rows["decided_by"].ravel().tolist())
+    assert built_in.failed == {name: [c] for name, c, _ in SMALL}
     assert decided_by == {DecidedBy.NONE, DecidedBy.SLOW_MEANS, DecidedBy.SLOW_SQUARES}
-    assert verify(recorded(ours.log)).comparison.identical  # rig replay
-    scored = score_log(ours.log, Yardstick(), baseline=False)
+    assert verify(recorded(built_in.log)).comparison.identical  # rig replay
+    scored = score_log(built_in.log, Yardstick(), baseline=False)
     assert {fault.decided_by for fault in scored.score.faults} == {"slow_means", "slow_squares"}
-    said = [event.text for event in read_log(ours.log).events if "slow" in event.text]
+    said = [event.text for event in read_log(built_in.log).events if "slow" in event.text]
     assert len(said) == 2 and any(text.endswith("slow_means") for text in said), said

@@ -32,7 +32,7 @@ def search_a_plant(options: Any, plant: str) -> None:
     for name in _OF_FLIGHTS:
         if getattr(options, name):
             option = "--set" if name == "sets" else f"--{name.replace('_', '-')}"
-            raise BadInput(f"{option}: is of flights, and not with --plant")
+            raise BadInput(f"{option}: is for flights, not with --plant")
     from rig.studies.search.plants.plant_api import search
     from rig.studies.search.plants.plant_file import read_plan
     from rig.studies.search.plants.plant_workers import split_reference

@@ -226,7 +226,7 @@ class _Parser:
         return first if not others else [*first, (Op.NOT, 0, 0.0), *others[0], (Op.OR, 0, 0.0)]
 
     def _word_between(self, before: ast.expr, value: ast.expr) -> int | None:
-        """Return the column of a word of ours, between two conditions that stand side by side; None: there is none."""
+        """Return the column of a word of the grammar between two conditions side by side; None: there is none."""
         return next((c for c in self._words if (before.end_col_offset or 0) <= c < value.col_offset), None)
 
     def _joined(self, values: list[ast.expr]) -> Steps:
