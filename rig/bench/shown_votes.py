@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from rig.bench.vote_rows import Result, Voted
-from rig.computer.redundancy.managers import manager_kind
 from rig.core.frame import CHANNELS
 from rig.log.recordings.recording import Recording
 from rig.log.recordings.stamps import Floats
@@ -51,12 +50,6 @@ def _signal(name: str, time_s: Floats, recording: Recording, of: Voted) -> Shown
 
 
 def thresholds(own: RecordedSignal) -> Floats:
-    """Return (5,) the difference, SI, within which two channels agree, by the number of channels in use.
-
-    Where the manager has an isolation threshold it is that one, as in the picture of a flight.
-    """
-    isolates = manager_kind(own.manager).compares
-    four = (own.outlier_threshold if isolates else None) or own.threshold
-    three = (own.outlier_threshold_triplex if isolates else None) or own.threshold_triplex or own.threshold
-    two = own.threshold_duplex or own.threshold
-    return np.array([two, two, two, three, four])
+    """Return (5,) the difference, SI, within which two channels agree, by the number of channels in use."""
+    three, two = own.threshold_triplex or own.threshold, own.threshold_duplex or own.threshold
+    return np.array([two, two, two, three, own.threshold])

@@ -81,8 +81,6 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     signal["threshold"] = 1.0 + beside
     for name in ("threshold_triplex", "threshold_duplex", "reference_threshold", "second_threshold"):
         signal[name] = draw.choice([0.75, 1.5, 2.0], S) + beside
-    for name in ("outlier_threshold", "outlier_threshold_triplex"):
-        signal[name] = draw.choice([0.0, 0.625], S) * signal["threshold"]
     signal["low"], signal["high"] = -1e4, 1e4
     if number >= SLOW_FAULTS:
         signal["low"][::3], signal["high"][::3] = (stop * signal["threshold"][::3] for stop in _STOPS)
@@ -120,8 +118,6 @@ def _turn(signal: NDArray[Any]) -> None:
 def _last(slow_faults: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
     """Turn on slow faults, each part on most signals; the last signal is at rest, and may repeat its samples."""
     threshold = signal["threshold"]
-    slow_faults["equalise_bound"] = threshold * draw.choice([0.0, 0.2007, 0.3007], S)
-    slow_faults["equalise_gain"] = 1.0 / draw.choice([60.25, 300.25, 800.25], S)
     slow_faults["slow_allowance"] = 0.1003 * threshold
     slow_faults["slow_limit"] = threshold * draw.choice([0.0, 10.007, 30.007], S)
     slow_faults["stale_frames"] = draw.choice([0, 20, 300], S)

@@ -1,7 +1,7 @@
 """The table of names before 1.0 and present names.
 
-The rig refuses a user's file with an old name, in one line that gives the new name.  It reads files that it wrote
-itself, logs and folders of campaigns, by this table.
+The rig refuses a user's file with an old name, in one line that gives the new name, or says what stands in place of
+a setting that is gone.  It reads files that it wrote itself, logs and folders of campaigns, by this table.
 """
 
 from __future__ import annotations
@@ -15,12 +15,18 @@ KEYS: Final = {
     "singular_persistence": "split_persistence",
     "singular_persistence_s": "split_persistence_s",
     "command_singular_s": "command_split_s",
-    "bias_bound": "equalise_bound",
-    "bias_s": "equalise_s",
     "rivals": "baselines",
     "twin": "baseline",
     "carrier": "transport",
     "form": "role",
+}
+# Keys of settings that are gone, and what stands in their place.
+_TESTS: Final = "slow_tests finds what it found, and less"
+GONE: Final = {
+    **dict.fromkeys(("outlier_threshold", "outlier_threshold_triplex"), _TESTS),
+    **dict.fromkeys(
+        ("equalise_bound", "equalise_s", "bias_bound", "bias_s"), "slow_tests learns the biases of channels"
+    ),
 }
 _OF_UNITS: Final = ("carrier", "form")  # which other files may have as names of their own
 # Values of keys.
@@ -77,8 +83,10 @@ IN_LAYOUT: Final = {
     "DecidedBy": "Resolver",
     "tie_break": "resolvers",
     "split_persistence": "singular_persistence",
-    "equalise_bound": "bias_bound",
-    "equalise_gain": "bias_gain",
+    "reserved_0": "outlier_threshold",
+    "reserved_1": "outlier_threshold_triplex",
+    "reserved_2": "bias_bound",
+    "reserved_3": "bias_gain",
     "slow_faults": "lasting",
     "slow_faults_config": "lasting_config",
     "role": "form",
@@ -106,6 +114,11 @@ def now_called(old: str, new: str) -> str:
     return f"{old} is now called {new}"
 
 
+def is_gone(key: str) -> str:
+    """Return the line on a setting that is gone, to follow its key; "" for another."""
+    return f"is gone: {GONE[key]}" if key in GONE else ""
+
+
 def field_now(name: str) -> str:
     """Return the present name of a field of an older log's message."""
     for old, new in FIELDS.items():
@@ -120,9 +133,16 @@ def key_now(key: str) -> str:
 
 
 def data_now(data: Any, key: str = "") -> Any:
-    """Return plain data that the rig wrote, with the present names; ``key``: the key of the data."""
+    """Return plain data that the rig wrote, with the present names, without settings that are gone.
+
+    key : that of the data
+    """
     if isinstance(data, dict):
-        return {key_now(str(name)): data_now(value, str(name).rpartition(".")[2]) for name, value in data.items()}
+        return {
+            key_now(str(name)): data_now(value, str(name).rpartition(".")[2])
+            for name, value in data.items()
+            if str(name) not in GONE
+        }
     if isinstance(data, list):
         return [data_now(value, key) for value in data]
     if not isinstance(data, str):

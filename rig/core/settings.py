@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from rig.core.errors import BadInput, RigError
 from rig.core.files import read_bytes
 from rig.core.frame import to_frame
-from rig.core.renamed import KEYS, VALUES, now_called
+from rig.core.renamed import KEYS, VALUES, is_gone, now_called
 from rig.core.text import LONGEST_LIST, choices, must_be, nearest, quoted, shorten
 
 M = TypeVar("M", bound="Settings")
@@ -194,6 +194,8 @@ def unknown_key(key: str, model: type[BaseModel], keys_are_in: str) -> str:
     """Return the end of an error: ``key`` of a table that may have the keys of ``model`` is old, or unknown."""
     if (new := KEYS.get(key)) in model.model_fields:
         return f"{shorten(key)}: is now called {new}"
+    if gone := is_gone(key):
+        return f"{shorten(key)}: {gone}"
     return f"{shorten(key)}: unknown key; nearest: {nearest(key, model.model_fields)[0]}; all keys: {keys_are_in}"
 
 
@@ -202,7 +204,9 @@ def _renamed(model: type[Settings], detail: Any) -> str:
     *above, key = detail["loc"] or [""]
     if detail["type"] == "extra_forbidden":
         new = KEYS.get(str(key))
-        return f": is now called {new}" if new in _fields(model, tuple(above)) else ""
+        if new in _fields(model, tuple(above)):
+            return f": is now called {new}"
+        return f": {gone}" if (gone := is_gone(str(key))) else ""
     given, behind = detail.get("input"), ""
     if detail["type"] == "union_tag_invalid":
         key, given = detail["ctx"]["discriminator"].strip("'"), detail["ctx"]["tag"]

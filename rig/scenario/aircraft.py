@@ -9,7 +9,6 @@ the data-sheet classes that a sensor may name.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,10 +20,9 @@ from rig.core.text import choices, quoted
 from rig.world.sensors.classes import SensorClass, under
 
 DEFAULT: Final = "f16"  # of a scenario that names none
-DESIGNED_AT_HZ: Final = 100.0  # isolation thresholds: a sample is taken up to a part of a frame early
+DESIGNED_AT_HZ: Final = 100.0  # slow-fault tests: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
-BESIDE: Final = {"threshold", "threshold_triplex"}  # what isolation thresholds are designed beside
-OUTLIERS: Final = {"outlier_threshold": None, "outlier_threshold_triplex": None}
+TESTS: Final = {"slow_tests": None}  # designed from a sensor's healthy samples, at the bundled aircraft's rate
 STALE: Final = {"stale_frames": 0}  # designed by the repeats of a sensor's samples, whatever the threshold
 
 
@@ -94,7 +92,7 @@ def sensor_classes() -> dict[str, SensorClass]:
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
     """Merge, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
 
-    Values designed from healthy samples are dropped if ``above`` has other sensors or other thresholds.
+    Values designed from healthy samples are dropped if ``above`` has other sensors, or a lower rate.
     """
     below = without_designed(below, above)
     wanted, present = above.get("sensors"), below.get("sensors")
@@ -104,23 +102,16 @@ def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[
 
 
 def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Return ``below`` without isolation thresholds of signals whose sensors or thresholds ``above`` changes, and
-    without
-    a count of stale samples where it changes the sensors."""
-    signals = _tables(below.get("redundancy"), "signals")
+    """Return ``below`` without slow-fault tests and a count of stale samples where ``above`` changes the sensors.
+
+    At a lower rate none has tests: a sample is older then, and the aircraft moves further from frame to frame.
+    """
+    signals, rate_hz = _tables(below.get("redundancy"), "signals"), above.get("rate_hz")
     sensors = [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
-    off = {**dict.fromkeys(_redesigned(above, sensors), OUTLIERS), **{key: {**OUTLIERS, **STALE} for key in sensors}}
+    slower = isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ
+    off = {**dict.fromkeys(INDEX if slower else (), TESTS), **{name: {**TESTS, **STALE} for name in sensors}}
     gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
-
-
-def _redesigned(above: dict[str, Any], sensors: Collection[str]) -> Collection[str]:
-    """Return the signals for which ``above`` has other errors or thresholds; at a lower rate, all of them."""
-    rate_hz = above.get("rate_hz")
-    if isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ:
-        return INDEX
-    monitors = _tables(above.get("redundancy"), "signals")
-    return {*sensors, *(name for name, table in monitors.items() if table.keys() & BESIDE)}
 
 
 def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:

@@ -40,9 +40,9 @@ _CAUSALITIES: Final = {"inputs": ("input",), "outputs": ("output", "local"), "pa
 _OF_SIGNALS: Final = ("channels", "voted", *REFERENCES)
 _OF_SURFACES: Final = ("trim_surface", "surface_low", "surface_high")
 OF_ITS_SIGNAL: Final = (  # fields of a signal's CONFIG that have its unit
-    *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
+    *("threshold", "threshold_triplex", "threshold_duplex"),
     *("reference_threshold", "second_threshold", "low", "high", "deviation", "deviation_frames"),
-    *("equalise_bound", "slow_allowance", "slow_limit", "trend_small"),
+    *("slow_allowance", "slow_limit", "trend_small"),
 )
 _NEEDED: Final = {"redundancy": Said.VOTED, "flight-computer": Said.SURFACE, "control-law": Said.SURFACE}
 UNSAID: Final = "unsaid"  # key of a plan: fields without a variable in a group that is filled

@@ -37,7 +37,7 @@ class _Switch(NamedTuple):
 
 
 _SWITCHES: Final = (
-    *(_Switch("slow_faults", field) for field in ("equalise_bound", "slow_limit", "stale_frames")),
+    *(_Switch("slow_faults", field) for field in ("slow_limit", "stale_frames")),
     *(_Switch("rules", field) for field in ("count_down", "trend_beside_reference")),
     _Switch("rules", "trend_small", off=-1),
     _Switch("rules", "trend_tumbles", "trend_window"),

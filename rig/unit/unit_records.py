@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from rig.computer.redundancy.discrete_config import DISCRETE_PARAMS
-from rig.computer.redundancy.manager_params import PARAMS, told
+from rig.computer.redundancy.manager_params import PARAM_FIELDS, told
 from rig.core.frame import CHANNELS, DISCRETES, SIGNALS, SURFACES, D, DecidedBy, Ilm, Law, Pattern, S, State
 from rig.core.frame.fields import BASES, FIELD, FIELDS
 from rig.core.renamed import in_layout
@@ -180,11 +180,19 @@ SETTINGS: Final[dict[str, tuple[str, ...]]] = {
     "discrete": DISCRETE_PARAMS.names or (),
 }
 TIE_BREAKS: Final = 5  # that a unit may ask: it knows of no other computers
-_TOLD: Final = np.dtype([(n, PARAMS[n]) if n != "tie_break" else (n, "i8", (TIE_BREAKS,)) for n in PARAMS.names or ()])
-SIGNAL_CONFIG: Final = _little(_TOLD, SETTINGS["signal"])
-SLOW_FAULTS_CONFIG: Final = _little(PARAMS, SETTINGS["slow_faults"])
-RULES_CONFIG: Final = _little(PARAMS, SETTINGS["rules"])
-SLOW_TESTS_CONFIG: Final = _little(PARAMS, SETTINGS["slow_tests"])
+
+
+def _of_part(part: str) -> np.dtype[Any]:
+    """Return the record of a part of a signal's settings, reserved fields included."""
+    fields = [each for each in PARAM_FIELDS if each.part == part]
+    shapes = {each.name: (TIE_BREAKS,) if each.name == "tie_break" else each.shape for each in fields}
+    return _little(np.dtype([(each.name, each.base, shapes[each.name]) for each in fields]), shapes)
+
+
+SIGNAL_CONFIG: Final = _of_part("signal")
+SLOW_FAULTS_CONFIG: Final = _of_part("slow_faults")
+RULES_CONFIG: Final = _of_part("rules")
+SLOW_TESTS_CONFIG: Final = _of_part("slow_tests")
 DISCRETE_CONFIG: Final = _little(DISCRETE_PARAMS, SETTINGS["discrete"])
 HELLO: Final = _packed([*_HEAD, *_TAIL])  # END too
 READY: Final = _packed([*_HEAD, ("text", f"S{TEXT_BYTES}", ()), *_TAIL])  # REFUSED too

@@ -79,8 +79,7 @@ class Context(NamedTuple):
         """Return what the monitor of the fault's signal allows with all channels in use; None where no signal is."""
         if fault.signal not in INDEX:
             return None
-        p = self.params[INDEX[fault.signal]]
-        return float(p["outlier_threshold"] or p["threshold"])
+        return float(self.params[INDEX[fault.signal]]["threshold"])
 
 
 def error_unit(fault: FaultScore) -> str:
@@ -194,13 +193,12 @@ def agreement(columns: NDArray[Any], c: int, first: int, end: int, p: NDArray[np
     before = columns["state"][np.maximum(np.arange(first, end) - 1, 0)]  # failed in this frame: compared in it
     out = (before == State.FAILED) | (before == State.ABSENT)
     compared = comparable(samples, valid, out, p)
-    from_c = differences(samples, samples[:, c : c + 1], bool(p["wraps"]))
-    off = np.where(compared & compared[:, c : c + 1], np.abs(from_c), np.inf)
+    off = np.abs(differences(samples, samples[:, c : c + 1], bool(p["wraps"])))
+    off = np.where(compared & compared[:, c : c + 1], off, np.inf)
     off[:, c] = np.inf
     nearest = off.argmin(axis=1)
     distance = off[np.arange(len(off)), nearest]
     alone = ~compared[:, c] | ~(distance <= allowed(compared.sum(axis=1), p))
-    alone |= outlier(np.where(compared, from_c, np.nan), distance, p)
     nearest = np.where(np.isfinite(distance), nearest, -1)
     many, pattern = compared.sum(axis=1), columns["pattern"][first:end]
     return Agreement(alone, nearest, distance, compared[:, c], out[:, c], many, pattern)
@@ -227,18 +225,6 @@ def allowed(compared: NDArray[np.intp], p: NDArray[np.void]) -> NDArray[np.float
     """Return (m,) thresholds by the number of ``compared`` samples, unit of the signal; p : its config.PARAMS."""
     by_number = np.array([p["threshold_duplex"]] * 3 + [p["threshold_triplex"], p["threshold"]])
     return by_number[compared]
-
-
-def outlier(samples: NDArray[np.float64], distance: NDArray[np.float64], p: NDArray[np.void]) -> Bools:
-    """Return (m,) where all agree, but one is ``distance`` from its nearest, beyond its threshold, and two within it.
-
-    samples : (m, 4), NaN where not compared; p : the signal's config.PARAMS
-    """
-    count = np.isfinite(samples).sum(axis=1)
-    limit = np.array([0.0] * 3 + [p["outlier_threshold_triplex"], p["outlier_threshold"]])[count]
-    gaps = np.diff(np.sort(samples, axis=1), axis=1)  # NaN come last
-    together = ~(gaps > allowed(count, p)[:, None]).any(axis=1)
-    return (limit > 0.0) & together & (distance > limit) & (gaps <= limit[:, None]).any(axis=1)
 
 
 def longest_run(flags: Bools) -> int:

@@ -13,7 +13,6 @@ from rig.computer.analytic.reference_sources import FROM_UNIT, source
 from rig.computer.redundancy import Config, flight_parameters
 from rig.computer.redundancy.box import boxes
 from rig.computer.redundancy.discrete_config import discrete_parameters
-from rig.computer.redundancy.managers import manager_kind
 from rig.core.frame import INDEX, INERTIAL
 from rig.scenario.scenario import Scenario
 from rig.verdict.lane_tally import columns_of
@@ -33,13 +32,9 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     suite, config = scenario.sensors, scenario.redundancy
     ranges, channels = sensors.ranges(suite), sensors.channels(suite)
     sheets = sensors.data_sheets(suite, scenario.rate_hz)
-    params = flight_parameters(
+    return flight_parameters(
         config, ranges, channels, scenario.references, scenario.rate_hz, scenario.computers.count, sheets
     )
-    kind = manager_kind(config.manager)
-    if kind.kernel is not None and not kind.compares:
-        params["outlier_threshold"] = params["outlier_threshold_triplex"] = 0.0  # they do not ask for it
-    return params
 
 
 def lingers(params: NDArray[np.void]) -> NDArray[np.int64]:
@@ -61,14 +56,8 @@ class Monitored(NamedTuple):
 
     @classmethod
     def of(cls, params: NDArray[np.void], discretes: NDArray[np.void], box_signals: int | None) -> Monitored:
-        """Return the blank records; params, discretes : config.PARAMS and DISCRETE_PARAMS.
-
-        A single channel of four is measured by the isolation threshold where there is one.
-        """
-        outlier = params["outlier_threshold"]
-        signals = blank_records(
-            np.where(outlier > 0.0, outlier, params["threshold"]), params["fitted"], lingers(params)
-        )
+        """Return the blank records; params, discretes : config.PARAMS and DISCRETE_PARAMS."""
+        signals = blank_records(params["threshold"], params["fitted"], lingers(params))
         watched = blank_records(np.full(len(discretes), _HALF), discretes["fitted"], discretes["persistence"])
         signals["box"] = params["box"]
         signals["box_needed"] = boxes(params["box"], box_signals, 1)["needed"][0][params["box"]]

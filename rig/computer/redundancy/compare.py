@@ -1,7 +1,7 @@
 """Cross-channel comparison: which samples count, how they are ranked, which pattern they make.
 
 Source: Zhang 2023, section 2 (what a miscompare is) and section 3 with figures 2 and 3 (splits).
-Added: thresholds by the number of samples, the isolation threshold, what is not comparable.
+Added: thresholds by the number of samples, what is not comparable.
 """
 
 from __future__ import annotations
@@ -49,14 +49,6 @@ def threshold(n, p):
 
 
 @kernel
-def outlier_threshold(n, p):
-    """Return within what ``n`` samples that all agree must be, unit of the signal; 0: nothing more (added)."""
-    if n == CHANNELS:
-        return p["outlier_threshold"]
-    return p["outlier_threshold_triplex"] if n == 3 else 0.0
-
-
-@kernel
 def sort(x, order, n):
     """Put the first ``n`` channels of ``order`` into ascending order of ``x``.
 
@@ -87,24 +79,6 @@ def exchange(x, order, i, j):
     swapped = x[a] > x[b]
     order[i] = b if swapped else a
     order[j] = a if swapped else b
-
-
-@kernel
-def pattern_of(x, order, n, within, limit, miscomparing):
-    """Return the pattern of ``n`` ranked samples, outliers included; ``miscomparing`` as of ``classify``.
-
-    Where all agree ``within`` they are compared once more by the isolation threshold, which a single channel must keep
-    to while the others show a majority: without one at that scale no channel is suspect (added: 'Outliers' in docs).
-    limit : the isolation threshold, 0 for none
-    """
-    pattern = classify(x, order, n, within, miscomparing)
-    if pattern != Pattern.NORMAL or limit <= 0.0:
-        return pattern
-    if classify(x, order, n, limit, miscomparing) == Pattern.ISOLATED:
-        return Pattern.ISOLATED
-    for c in range(CHANNELS):
-        miscomparing[c] = False
-    return Pattern.NORMAL
 
 
 @kernel

@@ -12,11 +12,11 @@ import numpy as np
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import reference_monitor, slow_faults
 from rig.computer.redundancy.box import accused, begin_counts, fail_boxes
-from rig.computer.redundancy.compare import comparable, is_split, pattern_of, rank, threshold
+from rig.computer.redundancy.compare import classify, comparable, is_split, rank, threshold
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
-from rig.computer.redundancy.quiet import is_quiet, last_quiet
+from rig.computer.redundancy.quiet import is_quiet, sum_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
 from rig.computer.redundancy.slow_tests import forget_tests, isolate_slow
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
@@ -43,7 +43,7 @@ def manage(bus, fcc, data):
     for s in range(len(params)):
         p, st = params[s], state[s]
         st["lanes"], st["in_dispute"] = lanes, against & p["sources"] != 0
-        readmit_unbiased(reset[s], p, st)
+        readmit_afresh(reset[s], p, st)
         tie_break[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
         voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
         usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
@@ -59,8 +59,8 @@ def manage(bus, fcc, data):
 
 
 @kernel
-def readmit_unbiased(commanded, p, st):
-    """Readmit ``commanded`` channels, bits, that have agreed long enough, each without a bias."""
+def readmit_afresh(commanded, p, st):
+    """Readmit ``commanded`` channels, bits, that have agreed long enough; what is learned of them is forgotten."""
     if commanded == 0:
         return
     out = 0
@@ -69,7 +69,6 @@ def readmit_unbiased(commanded, p, st):
     readmit(commanded, p, st)
     for c in range(p["fitted"]):
         if (out >> c) & 1 and not st["failed"][c]:
-            st["bias"][c] = st["learned"][c] = 0
             forget_tests(st)
             st["after_extremes"] = st["cut_frames"] = 0
 
@@ -92,8 +91,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     compared = to_compare(samples, valid, reference, base, n, p, st)
     st["reference_threshold"] = reference_monitor.reference_threshold(reference, p)
     st["threshold"] = threshold(n, p)
-    limit = slow_faults.outlier_limit(n, p, st)
-    pattern = pattern_of(compared.values, compared.order, n, st["threshold"], limit, st["miscomparing"])
+    pattern = classify(compared.values, compared.order, n, st["threshold"], st["miscomparing"])
     st["together"] = is_split(pattern) and p["filter_gain"] > 0.0 and come_together(compared.order, n, p, st)
     if pattern != st["pattern"]:
         st["pattern_frames"] = 1
@@ -119,9 +117,8 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         st["agreed"][order[i]] = 0  # of a channel that this frame has failed
     st["accused"] = accused(decided_by, ranked, p, st)
     count_miscompares(n, ranked, vote_before_fade, p, st)
-    m = slow_faults.middle(n, reference, st) if slow_faults.lasts(p) and n >= 2 else 0.0
-    slow = slow_of(m, reference, n, p, st) if decided_by != DecidedBy.COMMON else 0
-    decided_by = latch_all(decided_by, slow, m, n, p, st)
+    slow = slow_of(reference, n, p, st) if decided_by != DecidedBy.COMMON and slow_faults.lasts(p) else 0
+    decided_by = latch_all(decided_by, slow, p, st)
     publish(vote_before_fade, p, st)
     return decided_by
 
@@ -137,17 +134,14 @@ def all_ranked(n, p, st):
 
 @kernel
 def to_compare(samples, valid, reference, base, n, p, st):
-    """Return what is compared of ``n`` ranked samples, as Compared: behind the low-pass, without bias, if on."""
+    """Return what is compared of ``n`` ranked samples, as Compared: behind the low-pass, if on."""
     values, order = st["x"], st["order"]
     if p["filter_gain"] > 0.0:
         start, last = begins_at(n, st), st["smooth_reference"]
         smooth_channels(samples, valid, base, start, n, p, st)
         st["smooth_reference"] = follow(start if np.isnan(last) else last, reference, base, p)
         values, order, reference = st["smooth"], st["smooth_order"], st["smooth_reference"]
-    if p["equalise_bound"] <= 0.0:
-        return Compared(values, order, values, reference)
-    slow_faults.take_bias_off(values, order, n, st)
-    return Compared(st["compared"], st["compared_order"], values, reference)
+    return Compared(values, order, reference)
 
 
 @kernel
@@ -164,10 +158,10 @@ def come_together(order, n, p, st):
 
 
 @kernel
-def latch_all(decided_by, slow, m, n, p, st):
-    """Latch what has persisted and whom the sums fail, and learn; return the rule.
+def latch_all(decided_by, slow, p, st):
+    """Latch what has persisted and whom sums and tests fail; return the rule.
 
-    slow : channels that sums or tests of small deviations fail, a bit each; m : the middle of the samples
+    slow : channels that sums or tests of small deviations fail, a bit each
     """
     level = st["level"]
     for c in range(p["fitted"]):
@@ -178,16 +172,16 @@ def latch_all(decided_by, slow, m, n, p, st):
         decided_by = by if by != DecidedBy.NONE else DecidedBy.SLOW.value
     if st["level"] != level:
         slow_faults.begin_sums(st)
-    else:
-        slow_faults.learn_bias(m, n, p, st)
     return decided_by
 
 
 @kernel
-def slow_of(m, reference, n, p, st):
-    """Return the channels that the sums and the tests of small deviations fail, a bit each; m : the middle."""
-    summed = slow_faults.watch_sums(m, n, p, st)
+def slow_of(reference, n, p, st):
+    """Return the channels that the sums and the tests of small deviations fail, a bit each."""
     st["tests"]["by"] = DecidedBy.NONE.value
+    summed = (
+        slow_faults.watch_sums(slow_faults.middle(n, reference, p, st), n, p, st) if n >= 2 else slow_faults.NO_CHANNEL
+    )
     tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
@@ -205,14 +199,12 @@ def vote_quiet(reference, second, n, p, st):
     decided_by = reference_monitor.watch_common(DecidedBy.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
     if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
-        m = slow_faults.middle(n, reference, st)
         bits = 0
         if decided_by == DecidedBy.NONE:
-            bits = isolate_slow(reference, n, p, st)
-            slow = last_quiet(m, n, bits == 0, p, st)
-            bits |= 0 if slow == slow_faults.NO_CHANNEL else 1 << slow
+            slow = sum_quiet(slow_faults.middle(n, reference, p, st), n, p, st)
+            bits = isolate_slow(reference, n, p, st) | (0 if slow == slow_faults.NO_CHANNEL else 1 << slow)
         if decided_by != DecidedBy.NONE or bits != 0:
-            decided_by = latch_all(decided_by, bits, m, n, p, st)
+            decided_by = latch_all(decided_by, bits, p, st)
     publish(voted, p, st)
     return decided_by
 

@@ -34,9 +34,6 @@ class SignalConfig(Settings):
     # While three samples are compared; threshold if not given.
     threshold_triplex: float | None = Field(default=None, gt=0)
     threshold_duplex: float | None = Field(default=None, gt=0)  # while two are
-    # Where four (three) samples agree within the above: how far one may be from the majority; none when not given.
-    outlier_threshold: float | None = Field(default=None, gt=0)
-    outlier_threshold_triplex: float | None = Field(default=None, gt=0)
     # Time constant of a low-pass that comparisons see, and the vote does not.
     filter_s: float = Field(default=0.0, ge=0)
     persistence: int = Field(default=8, ge=1)  # frames of miscompare until a channel is failed
@@ -51,15 +48,12 @@ class SignalConfig(Settings):
     trend_small: float | None = Field(default=None, ge=0)  # changes a frame up to which one frame is trend enough
     trend_beside_reference: bool = False  # ask the trend of a signal with a reference that cannot be used, too
     reference_threshold: float | None = Field(default=None, gt=0)  # as threshold when not given
-    # Slow faults (slow_faults.py); each 0 or not given: off.
-    # Largest difference of a healthy channel that is learned, and compared without.
-    equalise_bound: float = Field(default=0.0, ge=0)
-    equalise_s: float = Field(default=10.0, gt=0)  # time constant of the learning
+    # Slow faults (slow_faults.py, slow_tests.py); each 0 or not given: off.
     slow_allowance: float | None = Field(default=None, gt=0)  # what a deviation may be for ever
     # Sum of what exceeds it that fails a channel, unit times seconds.
     slow_limit: float | None = Field(default=None, gt=0)
     stale_frames: int = Field(default=0, ge=0)  # a sample repeated so often miscompares
-    slow_tests: SlowTests | None = None  # off when not given
+    slow_tests: SlowTests | None = None  # off when not given, or false
     common_mode: CommonMode | None = None  # that of [redundancy] when not given
     mean: Literal["plain", "trend-weighted"] = "plain"
     readmit_frames: int = Field(default=100, ge=1)  # agreement needed before a reset readmits
@@ -82,23 +76,10 @@ class SignalConfig(Settings):
             raise ValueError("slow_allowance, slow_limit: give both or neither")
         return self
 
-    @model_validator(mode="after")
-    def _outliers_within(self) -> SignalConfig:
-        within = {"": self.threshold, "_triplex": self.threshold_triplex or self.threshold}
-        for level, most in within.items():
-            limit = getattr(self, f"outlier_threshold{level}")
-            if limit is not None and limit > most:
-                raise ValueError(f"outlier_threshold{level}: at most threshold{level}, {most:g}, got {limit:g}")
-        return self
-
-    @model_validator(mode="after")
-    def _bias_within(self) -> SignalConfig:
-        least = self.least_threshold
-        if self.equalise_bound > least:
-            raise ValueError(
-                f"equalise_bound: at most the threshold of every level, {least:g}, got {self.equalise_bound:g}"
-            )
-        return self
+    @field_validator("slow_tests", mode="before")
+    @classmethod
+    def _switched_off(cls, given: Any) -> Any:
+        return None if given is False else given
 
     @property
     def least_threshold(self) -> float:
@@ -227,10 +208,7 @@ def fill(
         config,
         threshold_triplex=config.threshold_triplex or threshold,
         threshold_duplex=config.threshold_duplex or threshold,
-        outlier_threshold=config.outlier_threshold or 0.0,
-        outlier_threshold_triplex=config.outlier_threshold_triplex or 0.0,
         filter_gain=gain(config.filter_s, rate_hz),
-        equalise_gain=min(1.0, 1.0 / (config.equalise_s * rate_hz)),
         slow_allowance=config.slow_allowance or 0.0,
         slow_limit=(config.slow_limit or 0.0) * rate_hz,
         **tests_params(config.slow_tests, sheet),

@@ -18,27 +18,19 @@ class Param(NamedTuple):
     meaning: str  # as a unit's header has it
     part: Literal["signal", "slow_faults", "slow_tests", "rules", ""] = "signal"  # record of a unit that holds it
     shape: tuple[int, ...] = ()
+    reserved: bool = False  # 0 in that record: a setting of an earlier version of the rig
 
 
+_RESERVED: Final = "0"
 PARAM_FIELDS: Final = (
     Param("threshold", "f8", "unit of the signal: two of four samples agree within it"),
     Param("threshold_triplex", "f8", "unit of the signal: two of three samples"),
     Param("threshold_duplex", "f8", "unit of the signal: two samples"),
-    Param("outlier_threshold", "f8", "unit of the signal: the narrower one for four samples that all agree; 0: none"),
-    Param("outlier_threshold_triplex", "f8", "unit of the signal: the same for three; 0: none"),
+    Param("reserved_0", "f8", _RESERVED, reserved=True),
+    Param("reserved_1", "f8", _RESERVED, reserved=True),
     Param("filter_gain", "f8", "1: share of a new sample in the low-pass before the comparison; 0: no filter"),
-    Param(
-        "equalise_bound",
-        "f8",
-        "unit of the signal: largest difference that is learned of a channel; 0: none is",
-        "slow_faults",
-    ),
-    Param(
-        "equalise_gain",
-        "f8",
-        "1: share of a new residual in a channel equalisation, once as many frames as its inverse have been seen",
-        "slow_faults",
-    ),
+    Param("reserved_2", "f8", _RESERVED, "slow_faults", reserved=True),
+    Param("reserved_3", "f8", _RESERVED, "slow_faults", reserved=True),
     Param("slow_allowance", "f8", "unit of the signal: what a residual may be for ever", "slow_faults"),
     Param(
         "slow_limit",
@@ -128,9 +120,9 @@ PARAM_FIELDS: Final = (
     Param("sources", "i8", "bits of signals that its references read, of those that have their bit in tells", "rules"),
     Param("box", "i8", "box of the signal, 1 to 16; 0: in none", "rules"),
 )
-PARAMS: Final = np.dtype([(each.name, each.base, each.shape) for each in PARAM_FIELDS], align=True)
+PARAMS: Final = np.dtype([(each.name, each.base, each.shape) for each in PARAM_FIELDS if not each.reserved], align=True)
 
 
 def told(part: str) -> tuple[str, ...]:
     """Return the fields of PARAMS that a record of a unit holds."""
-    return tuple(each.name for each in PARAM_FIELDS if each.part == part)
+    return tuple(each.name for each in PARAM_FIELDS if each.part == part and not each.reserved)

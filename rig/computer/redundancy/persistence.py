@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.compare import comparable, is_split
-from rig.computer.redundancy.slow_faults import is_stale, outlier_limit
+from rig.computer.redundancy.slow_faults import is_stale
 from rig.core.frame import DecidedBy
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
@@ -34,7 +34,7 @@ def count_miscompares(n, ranked, vote, p, st):
         if (ranked >> c) & 1 == 0:
             count[c] += 1
         elif not frozen:
-            if st["miscomparing"][c] and filtered and not is_off(c, n, vote, p, st):
+            if st["miscomparing"][c] and filtered and not is_off(c, vote, p, st):
                 count[c] = max(count[c] - 1.0, 0.0)
             elif st["miscomparing"][c]:
                 count[c] += 1
@@ -43,11 +43,9 @@ def count_miscompares(n, ranked, vote, p, st):
 
 
 @kernel
-def is_off(c, n, vote, p, st):
+def is_off(c, vote, p, st):
     """Return True if the sample of channel c itself is off the ``vote`` by more than it may be."""
-    limit = outlier_limit(n, p, st)
-    off = difference(st["x"][c], vote, p["wraps"]) - st["bias"][c]
-    return abs(off) > (limit if limit > 0.0 else st["threshold"])
+    return abs(difference(st["x"][c], vote, p["wraps"])) > st["threshold"]
 
 
 @kernel
@@ -148,7 +146,7 @@ def watch_failed(values, samples, valid, vote, p, st):
     if st["level"] == p["fitted"]:
         return
     for c in range(p["fitted"]):
-        off = difference(values[c], vote, p["wraps"]) - st["bias"][c]
+        off = difference(values[c], vote, p["wraps"])
         there = comparable(samples[c], valid[c], p["low"], p["high"]) and not is_stale(c, st)
         st["agreed"][c] = st["agreed"][c] + 1 if st["failed"][c] and there and abs(off) <= p["threshold"] else 0
 

@@ -21,12 +21,11 @@ from rig.core.units.angles import difference
 
 
 class Compared(NamedTuple):
-    """Values to compare: the samples, or the low-pass outputs, each less its channel's bias where that is learned."""
+    """Values to compare: the samples, or the low-pass outputs."""
 
     values: Any  # (4,) by channel
     order: Any  # (4,) channels by ascending value
-    with_bias: Any  # (4,) what stands beside the reference, which has no part in what the channels differ by
-    reference: Any
+    reference: Any  # as they are
 
 
 @kernel
@@ -44,7 +43,7 @@ def resolve(ilm, reference, compared, n, p, st):
 def resolve_two_camps(ilm, reference, compared, n, p, st):
     """Resolve 2:2 and 1:1: which half is right (sections 2, 6 and 7; figures 7 and 8)."""
     x, tie_break = st["x"], p["tie_break"]
-    y, order, near = compared.with_bias, compared.order, compared.reference
+    y, order, near = compared.values, compared.order, compared.reference
     half = n // 2
     low, high = order[half - 1], order[half]
     for place in range(len(tie_break)):
@@ -92,7 +91,7 @@ def vote_of_sides(name, sides, order, n, p, st):
 def resolve_all_apart(ilm, compared, n, p, st):
     """Resolve 1:1:1:1 and 1:1:1: at most one channel is right (section 8; monitors and reference before it: added)."""
     tie_break = p["tie_break"]
-    y, order, near = compared.with_bias, compared.order, compared.reference
+    y, order, near = compared.values, compared.order, compared.reference
     for place in range(len(tie_break)):
         name = tie_break[place]
         good = opinions.NO_ANSWER

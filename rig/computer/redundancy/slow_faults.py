@@ -1,9 +1,7 @@
-"""Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
+"""Sums of small deviations, and samples that repeat.
 
-All three are added (docs/explanation/decisions.md, 'Slow faults'), off by default.  The residual of a channel is its
-sample less the middle of those in use: their median, or of an even number the usable reference between the two middle
-ones,
-else the mean of those.  Nothing here moves a vote: it changes what is compared, and which channels are isolated.
+Both are added (docs/explanation/decisions.md, 'Slow faults').  Nothing here moves a vote: channels are isolated, or
+left out of the comparison.
 """
 
 from __future__ import annotations
@@ -14,9 +12,9 @@ import numpy as np
 
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import opinions
-from rig.computer.redundancy.compare import comparable, is_split, outlier_threshold, sort_again
+from rig.computer.redundancy.compare import comparable, is_split
 from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
-from rig.core.frame import Pattern
+from rig.computer.redundancy.slow_tests import rank_without_bias
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -26,73 +24,24 @@ CALM: Final = 0.5  # of the limit: what a strict majority must be below, or the 
 
 @kernel
 def lasts(p):
-    """Return True if residuals of a signal are learned, summed or tested."""
-    return p["equalise_bound"] > 0.0 or p["slow_limit"] > 0.0 or p["slow_means"] > 0.0
+    """Return True if residuals of a signal are summed or tested."""
+    return p["slow_limit"] > 0.0 or p["slow_means"] > 0.0
 
 
 @kernel
-def middle(n, reference, st):
-    """Return the middle of ``n`` ranked samples, n >= 1; reference : NaN where there is none."""
+def middle(n, reference, p, st):
+    """Return what the residuals of ``n`` ranked samples, n >= 1, are measured from.
+
+    With slow-fault tests it is the median of the samples without their biases; else that of the samples, or of an even
+    number the usable reference between the two middle ones.  reference : NaN where there is none
+    """
+    if p["slow_means"] > 0.0:
+        return rank_without_bias(n, st, st["tests"])
     x, order = st["x"], st["order"]
     low, high = x[order[(n - 1) // 2]], x[order[n // 2]]
     if n % 2 == 0 and st["reference_usable"] and not np.isnan(reference):
         return opinions.middle(high, low, reference)
     return vote.mean(low, high, 0.5)
-
-
-@kernel
-def take_bias_off(values, order, n, st):
-    """Write ``compared`` (4,), the ``n`` ranked values less each channel's bias, and ``compared_order``."""
-    compared, compared_order, bias = st["compared"], st["compared_order"], st["bias"]
-    for i in range(n):
-        c = order[i]
-        compared[c], compared_order[i] = values[c] - bias[c], c
-    sort_again(compared, compared_order, n)
-
-
-@kernel
-def learn_bias(m, n, p, st):
-    """Move the biases of the ``n`` ranked channels towards their residuals, except suspect channels.
-
-    m : the middle of the samples
-    """
-    if p["equalise_bound"] <= 0.0 or n < 2 or st["pattern"] != Pattern.NORMAL:
-        return
-    for i in range(n):
-        c = st["order"][i]
-        if not st["miscomparing"][c] and not st["blamed"][c] and st["count"][c] == 0:
-            learn_one(c, m, p, st)
-
-
-@kernel
-def learn_one(c, m, p, st):
-    """Move a channel's bias towards its residual, within the bound.
-
-    It is the mean of the residuals for as many frames as the time constant has, then it follows.
-    """
-    bias, bound, gain, learned = st["bias"], p["equalise_bound"], p["equalise_gain"], st["learned"]
-    if learned[c] * gain < 1.0:
-        gain = max(gain, 1.0 / (learned[c] + 1.0))
-    bias[c] = min(max(bias[c] + gain * (st["x"][c] - m - bias[c]), -bound), bound)
-    learned[c] += 1
-
-
-@kernel
-def has_learned(n, p, st):
-    """Return True if the bias of each of the ``n`` ranked channels is a mean over the time constant, or none is on."""
-    if p["equalise_bound"] <= 0.0:
-        return True
-    learned = True
-    for i in range(n):
-        learned &= (st["learned"][st["order"][i]] + 0.5) * p["equalise_gain"] >= 1.0
-    return learned
-
-
-@kernel
-def outlier_limit(n, p, st):
-    """Return the isolation threshold of ``n`` samples; 0, none, until it can be kept to without the biases."""
-    limit = outlier_threshold(n, p)
-    return limit if limit > 0.0 and has_learned(n, p, st) else 0.0
 
 
 @kernel
@@ -116,7 +65,7 @@ def watch_sums(m, n, p, st):
 def sum_one(c, m, most, p, st):
     """Move the two sums of a channel by a frame; return the larger one."""
     above, below, allowance = st["above"], st["below"], p["slow_allowance"]
-    residual = st["x"][c] - st["bias"][c] - m
+    residual = st["x"][c] - st["tests"]["bias"][c] - m
     above[c] = _sum(above[c], residual - allowance, most)
     below[c] = _sum(below[c], -residual - allowance, most)
     return max(above[c], below[c])

@@ -31,10 +31,6 @@ STATE: Final = np.dtype(
         ("smooth_reference", "f8"),
         ("smooth_vote", "f8"),
         # Slow faults (slow_faults.py), each where it is on.
-        ("bias", "f8", (CHANNELS,)),
-        ("learned", "i8", (CHANNELS,)),  # frames that the bias is of
-        ("compared", "f8", (CHANNELS,)),
-        ("compared_order", "i8", (CHANNELS,)),
         ("above", "f8", (CHANNELS,)),  # sums of residuals, unit times frames
         ("below", "f8", (CHANNELS,)),
         ("last_sample", "f8", (CHANNELS,)),

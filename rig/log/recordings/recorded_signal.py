@@ -21,9 +21,9 @@ from rig.core.units.conversion import conversion
 ANY_NUMBER: Final = (-sys.float_info.max, sys.float_info.max)  # finite: infinity is never a sample
 TURN_SLACK: Final = 1e-3  # so that a turn may be written as 6.283
 AMOUNTS: Final = (  # settings of a signal that have its unit
-    *("threshold", "threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex"),
+    *("threshold", "threshold_triplex", "threshold_duplex"),
     *("reference_threshold", "selection_deviation", "selection_integral_s"),
-    *("equalise_bound", "slow_allowance", "slow_limit", "max_change"),
+    *("slow_allowance", "slow_limit", "max_change"),
 )
 V = TypeVar("V", float, NDArray[np.float64])
 MOST_ANGLE_RAD: Final = 1e6  # beyond it the fraction of a turn is lost to rounding

@@ -8,7 +8,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS, Block, State
 from rig.core.text import choices, quoted
@@ -63,7 +62,4 @@ def limits(shown: Series, threshold: float) -> tuple[float, float]:
 
 def threshold(resolved: Mapping[str, Any], name: str) -> float:
     """Return the largest allowed difference of a channel from the vote, SI; resolved : scenario; KeyError: none."""
-    redundancy = resolved["redundancy"]
-    signal = redundancy["signals"][name]
-    by_channels = manager_kind(redundancy["manager"]).compares  # other managers have no threshold for a single channel
-    return float((signal.get("outlier_threshold") if by_channels else None) or signal["threshold"])
+    return float(resolved["redundancy"]["signals"][name]["threshold"])
