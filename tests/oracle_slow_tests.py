@@ -204,7 +204,7 @@ class SlowTests:
     def weight(self) -> float:
         """Of this frame: less in motion, when the skew moves residuals."""
         usual = max(self.noise.value, self.s.slow_noise**2)
-        return usual / (usual + (self.s.slow_skew * self.v) ** 2)
+        return usual / (usual + (self.s.slow_skew * self.change.value) ** 2)
 
     def learn(self, y: dict[int, float], m: float, rho: float | None, sigma: float, a: float) -> None:
         """Move what is learned."""

@@ -280,7 +280,6 @@ SLOW_TESTS = [
         "sqrt((1.0 / SQUARE) + (1.0 / known))",
     ),
     Defect("limits that are computed once", "? (1.1 * known) : (double)INFINITY", "? (1e9 * known) : (double)INFINITY"),
-    Defect("the fast mean kept at another level", "        t->fast[c] = 0.0;\n", ""),
     Defect("the slow mean kept at another level", "        t->slow[c] = 0.0;\n", ""),
     Defect("a burst counts in the fast mean in full", "clamp(z, -t->fast_step, t->fast_step)", "z"),
     Defect("a bias of any size", "-furthest, furthest)", "-(1e9 * furthest), 1e9 * furthest)"),
