@@ -23,7 +23,7 @@ def slow_tests(flight: Flight, pick: Pick) -> Flight:
         "slow_bias": pick([0.05, 0.3]),
         "slow_scale": pick([0.0, 0.01]),
         "slow_noise": pick([0.01, 0.03]),
-        "slow_skew": pick([0.0, 0.5]),
+        "slow_skew": pick([0.0, 0.5, 3.0]),
         "slow_reference": pick([0.0, 0.05, 0.02, 0.02, 0.01]),
         "slow_reference_frames": pick([0.0, 1.0]),
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import exp, inf, sqrt
 from statistics import median
+from typing import ClassVar
 
 from oracle_answers import Settings, View
 
@@ -38,6 +39,8 @@ class SlowTests:
 
     s: Settings
     rules: set[str] = field(default_factory=set)
+    reference_from: ClassVar[int] = 300  # frames that are known of it
+    beyond: ClassVar[float] = 0.5  # of a healthy half, the slope
 
     def __post_init__(self) -> None:
         self.forget()
@@ -133,11 +136,15 @@ class SlowTests:
         """The channel with the largest share, if it is alone."""
         worst = max(shares, key=lambda c: shares[c])
         calm = sum(share < 0.5 * shares[worst] for share in shares.values())
-        alone = calm > len(shares) / 2 or (len(shares) == 4 and calm == 2)
+        alone = self.alone(calm, len(shares))
         if shares[worst] > 1.0:
             self.by = "slow_means" if shares[worst] == self.of_means[worst] else "slow_squares"
             self.rules.add(f"test: one by {self.by}" if alone else "test: not alone")
         return {worst} if shares[worst] > 1.0 and alone else set()
+
+    def alone(self, calm: int, n: int) -> bool:
+        """Whether enough of ``n`` channels are calm."""
+        return calm > n / 2 or (n == 4 and calm == 2)
 
     @property
     def error(self) -> float:
@@ -175,10 +182,16 @@ class SlowTests:
     def half(self, way: int, share: float, rho: float | None, trusted: bool, use: set[int]) -> set[int]:
         """The half that the slope decides against, in the tenth frame in a row."""
         said = 0
-        if share > 1.0 and trusted and rho is not None and self.s.slow_reference and self.reference_k > 300:
+        if (
+            share > 1.0
+            and trusted
+            and rho is not None
+            and self.s.slow_reference
+            and self.reference_k > self.reference_from
+        ):
             slope = self.d_rho[way].value / self.d_squares[way].value
             d, e, steep = sqrt(self.d_squares[way].value), self.error, abs(slope)
-            if steep > 0.1 and d * (steep + 0.5) >= e and d * (steep - 0.5) <= e:
+            if steep > 0.1 and d * (steep + 0.5) >= e and d * (steep - self.beyond) <= e:
                 said = 1 if slope > 0.0 else -1
             self.rules.add("test: a slope" if said else "test: no slope")
         self.run = self.run + said if said * self.run > 0 else said
@@ -188,11 +201,15 @@ class SlowTests:
         first = {min(use)} if len(use) == 2 else WAYS[way][0]
         return first if said < 0 else use - first
 
+    def weight(self) -> float:
+        """Of this frame: less in motion, when the skew moves residuals."""
+        usual = max(self.noise.value, self.s.slow_noise**2)
+        return usual / (usual + (self.s.slow_skew * self.change.value) ** 2)
+
     def learn(self, y: dict[int, float], m: float, rho: float | None, sigma: float, a: float) -> None:
         """Move what is learned."""
         most = self.limit(16.0, self.s.slow_means) / (1.0 - exp(-14.0 / 16.0)) * sigma + a if self.k else inf
-        usual_noise, skewed = max(self.noise.value, self.s.slow_noise**2), self.s.slow_skew * self.v
-        weight = usual_noise / (usual_noise + skewed**2)
+        weight = self.weight()
         self.weights += weight
         share = weight / min(self.weights, 1000.0)
         self.usual.value += share * self.s.change(m, self.usual.value)

@@ -10,9 +10,12 @@ import pytest
 from conftest import FEWER, Voted, vote_samples
 from pydantic import ValidationError
 
-from rig.computer.redundancy.manager_config import SignalConfig
+from rig.computer.redundancy.manager import manage_signal
+from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
+from rig.computer.redundancy.slow_tests_config import SlowTests
+from rig.computer.redundancy.state import new_state
 from rig.core.errors import BadInput
-from rig.core.frame import DecidedBy, State
+from rig.core.frame import DecidedBy, Ilm, State
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.scenario.scenario import load
 
@@ -136,6 +139,40 @@ def test_scales_that_differ_are_no_fault_in_a_manoeuvre():
     tests = {"scale_tolerance": 0.01}
     assert vote(samples, tests=tests).failed_at() == [None] * 4
     assert vote(samples).failed_at() != [None] * 4  # without the allowance
+
+
+SKEW: dict[str, Any] = {"skew_frames": 1.0}
+
+
+def rolling(seed: int, rate: float, rolls: int, level: int) -> Any:
+    """A ramp that ends, of which channels 0 and 1 are sampled half a frame earlier and later than the others."""
+    times = np.arange(rolls + level)[:, None] + np.array([0.5, -0.5, 0.0, 0.0])
+    return noise(seed, rolls + level) + rate * np.clip(times, 0.0, rolls)
+
+
+def test_a_skew_of_sampling_times_is_not_learned_as_a_bias():
+    """Five noises to one side for four seconds, and none later; learned in full, they would be an offset of five."""
+    for seed in SEEDS:
+        samples = rolling(seed, 10.0 * SIGMA, 400, 2100)
+        assert vote(samples, tests=SKEW).failed_at() == [None] * 4
+        samples[2000:, 1] += 2.0 * SIGMA
+        failed = vote(samples, tests=SKEW).failed_at()
+        assert 2000 < (failed[1] or 0) < 2130 and [failed[c] for c in (0, 2, 3)] == [None] * 3
+
+
+@pytest.mark.parametrize(("ratio", "weight"), [(0.0, 1.0), (0.5, 0.8), (1.0, 0.5), (3.0, 0.1)])
+def test_a_frame_weighs_by_noise_and_skew(ratio: float, weight: float):
+    """The least noise is half of that of a sample: at a skew that moves a residual by ``ratio`` of it."""
+    params = np.zeros(1, PARAMS)
+    settings = SignalConfig(threshold=THRESHOLD, slow_tests=SlowTests.model_validate({**TESTS, **SKEW}))
+    fill(params[0], settings, (-1000.0, 1000.0), 4, False, 100.0)
+    state, valid, ilm = new_state(params), np.ones(4, np.uint8), np.full(4, Ilm.ABSENT, np.uint8)
+    known = []
+    for k in range(500):
+        samples = np.full(4, ratio * 0.5 * SIGMA * k)
+        manage_signal(samples, valid, ilm, np.nan, np.nan, params[0], state[0])
+        known.append(float(state[0]["tests"]["known"]))
+    assert known[0] == 1.0 and np.diff(known[400:]) == pytest.approx(weight, abs=1e-6)
 
 
 PAIR = [[1, 2], [0, 3]]

@@ -268,4 +268,45 @@ LEVELS_AND_FILTER = [
     Defect("readmission by the sample itself", "samples = filtered ? s->smooth : f->samples", "samples = f->samples"),
     Defect("readmission to the unfiltered vote", "vote = s->smooth_vote;", "vote = f->vote;"),
 ]
-DEFECTS = [*LEVELS_AND_FILTER, *SAMPLES, *VOTES, *TIE_BREAKS, *LATCHES, *BOXES, *DISCRETES]
+SLOW_TESTS = [
+    Defect(
+        "a limit that leaves out what the bias may be off by",
+        "sqrt((0.5 / TESTS_SLOW) + (1.0 / known))",
+        "sqrt((0.5 / TESTS_SLOW) + (0.0 / known))",
+    ),
+    Defect(
+        "the limit of squares with the bias of a mean",
+        "sqrt((1.0 / SQUARE) + (2.0 / known))",
+        "sqrt((1.0 / SQUARE) + (1.0 / known))",
+    ),
+    Defect("limits that are computed once", "? (1.1 * known) : (double)INFINITY", "? (1e9 * known) : (double)INFINITY"),
+    Defect("the slow mean kept at another level", "        t->slow[c] = 0.0;\n", ""),
+    Defect("a burst counts in the fast mean in full", "clamp(z, -t->fast_step, t->fast_step)", "z"),
+    Defect("a bias of any size", "-furthest, furthest)", "-(1e9 * furthest), 1e9 * furthest)"),
+    Defect("a burst is learned in full", "clamp(t->value[c] - m, -most, most)", "(t->value[c] - (m + (0.0 / most)))"),
+    Defect(
+        "frames in motion weigh as much as others",
+        "weight = noise / (noise + (skewed * skewed));",
+        "weight = noise / (noise + (0.0 * skewed));",
+    ),
+    Defect("what is known counted in frames", "t->known += weight;", "t->known += 1.0;"),
+    Defect("what is known kept after a reset", "    t->known = 0.0;\n", ""),
+    Defect("learned while a test suspects", "t->halves.share) < CALM)", "t->halves.share) < 1e9)"),
+    Defect(
+        "the noise is that of the quietest channel", "t->shaken = (n > 2) ? second : lowest;", "t->shaken = lowest;"
+    ),
+    Defect("one channel isolated beside a second", "< (CALM * t->share[worst])", "<= t->share[worst]"),
+    Defect("squares told as means", "t->by = by_means ?", "t->by = (by_means || true) ?"),
+    Defect("halves told as means", "t->by = RIG_DECIDED_BY_SLOW_HALVES;", "t->by = RIG_DECIDED_BY_SLOW_MEANS;"),
+    Defect("the wrong half", "return (slope > 0.0) ? 1 : -1;", "return (slope > 0.0) ? -1 : 1;"),
+    Defect("a half isolated in the ninth frame", "#define DECIDING 10 ", "#define DECIDING 9 "),
+    Defect("a half decided by any slope", "!(((steep - 0.5) * size) <= near)", "!(size >= 0.0)"),
+    Defect("a reference too good to decide is asked", "!((size * (steep + 0.5)) >= near)", "!(size >= 0.0)"),
+    Defect(
+        "the reference's bias not learned",
+        "t->reference_bias = clamp(t->reference_bias + off,",
+        "t->reference_bias = clamp(0.0 * off,",
+    ),
+    Defect("a reference asked before it is known", "#define REFERENCE_FROM 300 ", "#define REFERENCE_FROM 100 "),
+]
+DEFECTS = [*SLOW_TESTS, *LEVELS_AND_FILTER, *SAMPLES, *VOTES, *TIE_BREAKS, *LATCHES, *BOXES, *DISCRETES]

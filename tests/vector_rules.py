@@ -385,6 +385,76 @@ class KeptAfterReset(Other):
     tests = _Kept
 
 
+class _Evenly(SlowTests):
+    def weight(self) -> float:
+        return 1.0
+
+
+class LearnsEvenly(Other):
+    """A frame in motion is learned like any other."""
+
+    tests = _Evenly
+
+
+class _WeightsKept(SlowTests):
+    weights = 0.0
+
+    def forget(self) -> None:
+        weights = self.weights
+        super().forget()
+        self.weights = weights
+
+
+class WeightsKeptAfterReset(Other):
+    """What is known is kept where a channel is readmitted, the biases are not."""
+
+    tests = _WeightsKept
+
+
+class _SlowKept(SlowTests):
+    def begin(self, n: int) -> None:
+        slow = self.slow if self.level else None
+        super().begin(n)
+        self.slow = slow or self.slow
+
+
+class SlowKeptAtALevel(Other):
+    """The slow means go on where a channel leaves."""
+
+    tests = _SlowKept
+
+
+class _NotAlone(SlowTests):
+    def alone(self, calm: int, n: int) -> bool:
+        return True
+
+
+class IsolatedBesideOthers(Other):
+    """A channel is isolated whatever the shares of the others are."""
+
+    tests = _NotAlone
+
+
+class _AnySlope(SlowTests):
+    beyond = inf
+
+
+class HalvesByAnySlope(Other):
+    """A slope that is too steep for any half decides."""
+
+    tests = _AnySlope
+
+
+class _AskedEarly(SlowTests):
+    reference_from = 100
+
+
+class ReferenceAskedEarly(Other):
+    """The reference is asked before it is known."""
+
+    tests = _AskedEarly
+
+
 class PlainPairs(ResettableOracle):
     """Only the mean of a signal with a majority is weighted."""
 

@@ -349,16 +349,24 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
 TESTED: list[tuple[str, list[Wanted]]] = [
     (
         "slow-fault tests isolate one channel by its means or its squares, or one half by the reference",
-        reached(
-            *(f"test: {said}" for said in ("one by slow_means", "one by slow_squares", "a half of 2", "a half of 4"))
-        ),
+        [
+            *reached(
+                *(
+                    f"test: {said}"
+                    for said in ("one by slow_means", "one by slow_squares", "a half of 2", "a half of 4")
+                )
+            ),
+            *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.HalvesByAnySlope),
+            *otherwise(vector_rules.ReferenceAskedEarly),
+        ],
     ),
     (
         "they are limited, learn and allow for motion as configured, and begin again after a reset",
         [
             *without(slow_scale=0.0, slow_skew=0.0, slow_reference_frames=0.0, slow_bias=100.0, slow_noise=1e-4),
             *without(slow_squares=1.1, slow_halves=1.1),
-            *otherwise(vector_rules.KeptAfterReset),
+            *otherwise(vector_rules.KeptAfterReset, vector_rules.WeightsKeptAfterReset),
+            *otherwise(vector_rules.SlowKeptAtALevel, vector_rules.LearnsEvenly),
         ],
     ),
 ]

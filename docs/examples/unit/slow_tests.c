@@ -182,7 +182,7 @@ static void learn(double m, double moved, double step, const struct frame *f, st
 {
     const double most = (t->learned > 0) ? step : (double)INFINITY;
     const double noise = larger(t->noise, t->set->slow_noise * t->set->slow_noise);
-    const double skewed = t->set->slow_skew * t->motion;
+    const double skewed = t->set->slow_skew * t->rate;
     const double weight = noise / (noise + (skewed * skewed));
     t->known += weight;
     const double gain = weight / smaller(t->known, TESTS_LEARNING);

@@ -236,7 +236,7 @@ def learn(m, moved, step, n, p, st):
     """
     t = st["tests"]
     step = step if t["learned"] > 0 else np.inf
-    noise, skewed = max(t["noise"], p["slow_noise"] ** 2), p["slow_skew"] * t["motion"]
+    noise, skewed = max(t["noise"], p["slow_noise"] ** 2), p["slow_skew"] * t["rate"]
     weight = noise / (noise + skewed * skewed)
     t["known"] += weight
     gain = weight / min(t["known"], LEARNING)
