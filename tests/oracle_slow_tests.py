@@ -45,7 +45,8 @@ class SlowTests:
 
     def forget(self) -> None:
         """Everything starts again."""
-        self.k, self.reference_k, self.level, self.bound_k = 0, 0, 0, 0
+        self.k, self.reference_k, self.level = 0, 0, 0
+        self.weights, self.next_limits = 0.0, 0.0
         self.bias = dict.fromkeys(range(4), 0.0)
         self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
         self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
@@ -81,9 +82,9 @@ class SlowTests:
             self.usual.value = self.last = m
         if n != self.level:
             self.begin(n)
-        if self.k >= self.bound_k:
-            self.known = float(min(max(self.k, 1), 2000))
-            self.bound_k = int(1.1 * self.known) + 1 if self.known < 2000 else 10**9
+        if self.weights >= self.next_limits:
+            self.known = min(max(self.weights, 1.0), 2000.0)
+            self.next_limits = 1.1 * self.known if self.known < 2000.0 else inf
         sigma = sqrt(max(self.noise.value, self.shaken, self.s.slow_noise**2))
         a = self.allowance(m, sigma, n)
         shares = self.shares({c: x - m for c, x in y.items()}, a, sigma) if self.k else dict.fromkeys(y, 0.0)
@@ -190,7 +191,10 @@ class SlowTests:
     def learn(self, y: dict[int, float], m: float, rho: float | None, sigma: float, a: float) -> None:
         """Move what is learned."""
         most = self.limit(16.0, self.s.slow_means) / (1.0 - exp(-14.0 / 16.0)) * sigma + a if self.k else inf
-        share = 1.0 / min(self.k + 1, 1000)
+        usual_noise, skewed = max(self.noise.value, self.s.slow_noise**2), self.s.slow_skew * self.v
+        weight = usual_noise / (usual_noise + skewed**2)
+        self.weights += weight
+        share = weight / min(self.weights, 1000.0)
         self.usual.value += share * self.s.change(m, self.usual.value)
         bound = self.s.slow_bias + 1.6 * self.s.slow_scale * abs(self.usual.value)
         for c, x in y.items():

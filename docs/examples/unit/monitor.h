@@ -74,7 +74,8 @@ struct halves {
 struct slow_tests {
     const struct rig_slow_tests_config *set;
     uint8_t by;                  /* which test isolates in this frame */
-    int64_t learned;             /* frames */
+    int64_t learned;             /* frames, */
+    double known;                /* and the sum of their weights */
     int level;                   /* channels of which the means are */
     double bias[RIG_CHANNELS];
     double value[RIG_CHANNELS];  /* samples without it, */
@@ -88,7 +89,7 @@ struct slow_tests {
     double shaken;               /* and of the last second */
     double fast_limit, slow_limit, square_limit;
     double fast_step, slow_step, square_step; /* largest residual that counts, in the same units */
-    int64_t limits_until;        /* frames learned */
+    double limits_until;         /* what is known when they are renewed */
     double usual_middle;         /* mean of the middle over the frames of which the biases are */
     double last_middle;
     double rate;                 /* mean change of the middle a frame, */

@@ -27,8 +27,9 @@ void tests_open(const struct rig_config *config, int signal, struct slow_tests *
 static void forget(struct slow_tests *t)
 {
     t->learned = 0;
+    t->known = 0.0;
     t->level = 0;
-    t->limits_until = 0;
+    t->limits_until = 0.0;
     t->reference_learned = 0;
     t->noise = 0.0;
     t->reference_bias = 0.0;
@@ -77,18 +78,18 @@ static void begin_again(int n, struct slow_tests *t)
     halves_begin(n, t);
 }
 
-/* The limits for what is known of the biases: white noise of variance 1 leaves 1 / (2 T) in a mean over T frames, 1 / k in a bias
- * of k frames, and twice as much in those of squares.  Again when a tenth more is known. */
+/* The limits for what is known of the biases: white noise of variance 1 leaves 1 / (2 T) in a mean over T frames, 1 / W at most in
+ * a bias of frames whose weights are W in all, and twice as much in those of squares.  Again when a tenth more is known. */
 static void renew_limits(settings *set, struct slow_tests *t)
 {
-    const double known = smaller((double)((t->learned > 1) ? t->learned : 1), 2.0 * TESTS_LEARNING);
+    const double known = smaller(larger(t->known, 1.0), 2.0 * TESTS_LEARNING);
     t->fast_limit = (set->slow_means * SIGMAS) * sqrt((0.5 / FAST) + (1.0 / known));
     t->slow_limit = (set->slow_means * SIGMAS) * sqrt((0.5 / TESTS_SLOW) + (1.0 / known));
     t->square_limit = (set->slow_squares * SIGMAS) * sqrt((1.0 / SQUARE) + (2.0 / known));
     t->fast_step = t->fast_limit / tests_reached(FAST);
     t->slow_step = t->slow_limit / tests_reached(TESTS_SLOW);
     t->square_step = 1.0 + (t->square_limit / tests_reached(SQUARE));
-    t->limits_until = (known < (2.0 * TESTS_LEARNING)) ? ((int64_t)(1.1 * known) + 1) : INT64_MAX;
+    t->limits_until = (known < (2.0 * TESTS_LEARNING)) ? (1.1 * known) : (double)INFINITY;
 }
 
 double tests_reached(double frames)
@@ -175,11 +176,16 @@ static unsigned isolate_one(int worst, int n, struct slow_tests *t)
 /* ---- What is learned ---- */
 
 /* Move the biases towards the residuals, within their bound, and that of the reference; in frames of no suspicion.  Each is the
- * mean of the first frames, then it follows.  A residual counts up to `step`: a burst before the tests begin is not learned. */
+ * mean of the first frames, then it follows.  A residual counts up to `step`: a burst before the tests begin is not learned.
+ * Biases are weighted means: what times of sampling add in motion is no bias, and such a frame counts less. */
 static void learn(double m, double moved, double step, const struct frame *f, struct slow_tests *t)
 {
     const double most = (t->learned > 0) ? step : (double)INFINITY;
-    const double gain = 1.0 / smaller((double)t->learned + 1.0, TESTS_LEARNING);
+    const double noise = larger(t->noise, t->set->slow_noise * t->set->slow_noise);
+    const double skewed = t->set->slow_skew * t->motion;
+    const double weight = noise / (noise + (skewed * skewed));
+    t->known += weight;
+    const double gain = weight / smaller(t->known, TESTS_LEARNING);
     t->usual_middle += gain * moved;
     const double furthest = t->set->slow_bias + ((1.6 * t->set->slow_scale) * fabs(t->usual_middle));
     for (int i = 0; i < f->n; i++) {
@@ -214,7 +220,7 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     if (t->level != f->n) {
         begin_again(f->n, t);
     }
-    if (t->learned >= t->limits_until) {
+    if (t->known >= t->limits_until) {
         renew_limits(t->set, t);
     }
     const double variance = larger(larger(t->noise, t->shaken), t->set->slow_noise * t->set->slow_noise);

@@ -39,6 +39,7 @@ TESTS: Final = np.dtype(
     [
         ("by", "i8"),  # which test isolates in this frame, a DecidedBy
         ("learned", "i8"),  # frames
+        ("known", "f8"),  # sum of their weights
         ("level", "i8"),  # channels in use, of which the means are
         ("bias", "f8", (CHANNELS,)),
         ("value", "f8", (CHANNELS,)),  # samples without it
@@ -56,7 +57,7 @@ TESTS: Final = np.dtype(
         ("fast_step", "f8"),  # largest residual that counts, in the same units
         ("slow_step", "f8"),
         ("square_step", "f8"),
-        ("limits_until", "i8"),  # frames learned
+        ("limits_until", "f8"),  # what is known when they are renewed
         ("usual_middle", "f8"),  # mean of the middle over the frames of which the biases are
         ("last_middle", "f8"),
         ("rate", "f8"),  # mean change of the middle a frame
@@ -89,7 +90,7 @@ def isolate_slow(reference, n, p, st):
         t["usual_middle"] = t["last_middle"] = m
     if t["level"] != n:
         begin_again(n, t)
-    if t["learned"] >= t["limits_until"]:
+    if t["known"] >= t["limits_until"]:
         renew_limits(p, t)
     variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
     moved = difference(m, t["usual_middle"], p["wraps"])
@@ -134,7 +135,8 @@ def begin_again(n, t):
 def forget_tests(st):
     """Begin to learn the signal again, after a readmission: no bias, no noise, no limits."""
     t = st["tests"]
-    t["learned"] = t["level"] = t["limits_until"] = t["reference_learned"] = 0
+    t["learned"] = t["level"] = t["reference_learned"] = 0
+    t["known"] = t["limits_until"] = 0.0
     t["noise"] = t["reference_bias"] = t["rate"] = t["motion"] = t["halves_noise"] = 0.0
     for c in range(CHANNELS):
         t["bias"][c] = t["share"][c] = 0.0
@@ -144,17 +146,17 @@ def forget_tests(st):
 def renew_limits(p, t):
     """Set the limits for what is known of the biases; again when a tenth more is.
 
-    White noise of variance 1 leaves the variance 1 / (2 T) in a mean over T frames, 1 / k in a bias of k frames, and
-    twice as much in those of squares.
+    White noise of variance 1 leaves the variance 1 / (2 T) in a mean over T frames, 1 / W at most in a bias of frames
+    whose weights are W in all, and twice as much in those of squares.
     """
-    known = float(min(max(t["learned"], 1), 2.0 * LEARNING))
+    known = min(max(t["known"], 1.0), 2.0 * LEARNING)
     t["fast_limit"] = p["slow_means"] * SIGMAS * math.sqrt(0.5 / FAST + 1.0 / known)
     t["slow_limit"] = p["slow_means"] * SIGMAS * math.sqrt(0.5 / SLOW + 1.0 / known)
     t["square_limit"] = p["slow_squares"] * SIGMAS * math.sqrt(1.0 / SQUARE + 2.0 / known)
     t["fast_step"] = t["fast_limit"] / reached(FAST)
     t["slow_step"] = t["slow_limit"] / reached(SLOW)
     t["square_step"] = 1.0 + t["square_limit"] / reached(SQUARE)
-    t["limits_until"] = np.int64(1.1 * known) + 1 if known < 2.0 * LEARNING else np.int64(1) << 60
+    t["limits_until"] = 1.1 * known if known < 2.0 * LEARNING else np.inf
 
 
 @kernel
@@ -229,11 +231,15 @@ def learn(m, moved, step, n, p, st):
     """Move the biases towards the residuals, within their bound, and that of the reference; frames of no suspicion.
 
     Each is the mean of the first LEARNING frames, then it follows.  After the first frame a residual counts up to
-    ``step``, as for the fast mean: a burst before the tests begin is not learned.
+    ``step``, as for the fast mean: a burst before the tests begin is not learned.  Biases are weighted means: what
+    times of sampling add in motion is no bias, so that a frame counts less the more of it there may be.
     """
     t = st["tests"]
     step = step if t["learned"] > 0 else np.inf
-    gain = 1.0 / min(t["learned"] + 1.0, LEARNING)
+    noise, skewed = max(t["noise"], p["slow_noise"] ** 2), p["slow_skew"] * t["motion"]
+    weight = noise / (noise + skewed * skewed)
+    t["known"] += weight
+    gain = weight / min(t["known"], LEARNING)
     t["usual_middle"] += gain * moved
     bound = p["slow_bias"] + 1.6 * p["slow_scale"] * abs(t["usual_middle"])
     for i in range(n):
