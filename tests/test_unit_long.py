@@ -202,8 +202,12 @@ SLOW = [
         "s->rise_vote = s->started ? difference(raw, s->vote, p) : 0.0;",
         "s->rise_vote = 0.0;",
     ),
-    Defect("frames learned of eight bits", "int64_t learned;             /*", "uint8_t learned;             /*"),
-    Defect("frames of a reference of eight bits", "int64_t reference_learned;", "uint8_t reference_learned;"),
+    Defect("frames learned of eight bits", "    t->learned++;", "    t->learned = (t->learned + 1) % 256;"),
+    Defect(
+        "frames of a reference of eight bits",
+        "t->reference_learned++;",
+        "t->reference_learned = (t->reference_learned + 1) % 256;",
+    ),
     Defect("what is learned kept where a channel is readmitted", "    tests_readmit(before.failed, s);\n", ""),
     Defect(
         "limits not renewed after a while",

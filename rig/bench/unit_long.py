@@ -46,7 +46,7 @@ _BUMP: Final = 24  # frames there, and as many back: at rest a signal that is lo
 
 def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return CONFIG (1,) and INPUT (frames,) of a long session; number : of TITLES."""
-    draw = np.random.default_rng((number, 2))
+    draw = np.random.default_rng((number, 3))
     config, inputs = _config(draw, number), blank(INPUT, TO_UNIT, Kind.FRAME).repeat(frames)
     inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90, 60, 90)[number]
     inputs["time_s"] = inputs["frame"] / RATE_HZ
@@ -134,8 +134,8 @@ def _test(slow_tests: NDArray[Any], slow_faults: NDArray[Any], signal: NDArray[A
     slow_tests["slow_reference_frames"] = draw.choice([0.0, 1.007], S)
     for name in ("slow_bias", "slow_noise", "slow_reference"):
         slow_tests[name] *= signal["threshold"]
-    slow_faults["slow_allowance"] = 0.0503 * signal["threshold"]
-    slow_faults["slow_limit"] = signal["threshold"] * draw.choice([0.0, 2.007, 5.007], S)
+    slow_faults["slow_allowance"] = 0.0803 * signal["threshold"]
+    slow_faults["slow_limit"] = signal["threshold"] * draw.choice([0.0, 0.0, 5.007], S)
 
 
 def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: bool) -> None:

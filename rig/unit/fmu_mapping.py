@@ -164,7 +164,7 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
 
 @cache
 def _elements(record: Place) -> dict[str, Element]:
-    """Return all elements of a record by address but ``stepped`` and ``said``, which the rig counts, and those reserved."""
+    """Return all elements of a record by address; not reserved ones, nor ``stepped`` and ``said``, which it counts."""
     elements = {}
     for variable in of_record(record):
         for scalar in variable.scalars():
