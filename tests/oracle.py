@@ -75,7 +75,7 @@ class Oracle:
         view = self.view(self.comparable, ilm, self.s.limited(reference), lanes)
         level = self.level
         disputed_by = self.disputed_by(view)
-        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen) or self.outliers(view.seen)
+        view.lonely = set(view.use) if disputed_by else self.miscomparing(view.seen)
         self.name(view)
         self.trend.remember(view.ranks if view.x else None, len(view.x), self.s)
         self.reached("frozen side", self.in_split and self.trend.still.count(0) == 1)
@@ -85,7 +85,7 @@ class Oracle:
         decided_by = self.refer(view, vote, self.s.limited(second), decided_by, in_dispute)
         self.accused = self.evidence(view, decided_by, wrong)
         self.count(view, vote)
-        decided_by = self.fail_and_learn(view, decided_by, wrong)
+        decided_by = self.fail_all(view, decided_by, wrong)
         if self.level != level:
             self.references.level_changed(decided_by == "extremes" and self.split.settled(self.s) and self.level == 2)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
@@ -122,11 +122,10 @@ class Oracle:
         use = {c: x for c, x in here.items() if x is not None and c not in self.failed}
         self.start = self.memory.get("vote", median(use.values()) if use else None)
         smooth = {c: self.smooth(c, x) for c, x in here.items()}
-        beside = {c: x for c, x in smooth.items() if x is not None and c in use}
-        seen = {c: x - self.slow_faults.bias[c] for c, x in beside.items()}
+        seen = {c: x for c, x in smooth.items() if x is not None and c in use}
         reference = None if reference is None else near(reference, base)
         smooth_reference, refs = self.smooth("reference", reference), self.references
-        view = View(self.s, use, seen, beside, ilm, reference, smooth_reference, refs.trusted)
+        view = View(self.s, use, seen, ilm, reference, smooth_reference, refs.trusted)
         view.lanes, view.trend, view.rise, view.suspected = lanes, self.trend, self.rise, refs.suspected
         view.before, self.before = self.before, {c: x for c, x in here.items() if x is not None}
         return view
@@ -162,20 +161,6 @@ class Oracle:
         """Channels that disagree with all others."""
         far = self.s.within(len(use))
         return {c for c in use if len(use) > 1 and all(abs(use[c] - use[d]) > far for d in use if d != c)}
-
-    def outliers(self, use: dict[int, float]) -> set[int]:
-        """Of samples that all agree, those far from all others while at least two are close to each other."""
-        limit, ranked = self.s.outlier_of(len(use)), sorted(use.values())
-        agree = all(above - below <= self.s.within(len(use)) for below, above in pairwise(ranked))
-        if limit is None or not agree:
-            return set()
-        self.reached("outlier: biases not learned", not self.slow_faults.settled(use))
-        if not self.slow_faults.settled(use):
-            return set()
-        close = {c for c in use for d in use if d != c and abs(use[c] - use[d]) <= limit}
-        self.reached("outlier", close and len(close) < len(use))
-        self.reached("outlier: no two are close", not close)
-        return set(use) - close if close else set()
 
     def disputed_by(self, view: View) -> str:
         """Who disputes the only sample left: its in-line monitor, else a usable reference."""
@@ -226,10 +211,7 @@ class Oracle:
 
     def off(self, c: int, view: View, vote: float) -> bool:
         """Whether the sample itself is off the vote, by more than it may be."""
-        n, limit = len(view.use), None
-        if self.slow_faults.settled(view.use):
-            limit = self.s.outlier_of(n)
-        return abs(self.s.change(view.use[c], vote) - self.slow_faults.bias[c]) > (limit or self.s.within(n))
+        return abs(self.s.change(view.use[c], vote)) > self.s.within(len(view.use))
 
     def fail(self, view: View, decided_by: str, wrong: set[int]) -> None:
         """Latch who has miscompared for long enough, and who is wrong in a split that has lasted."""
@@ -242,25 +224,23 @@ class Oracle:
         elif self.in_split and self.split.lasted >= self.s.split_persistence:
             self.reached("an answer too young", wrong)
 
-    def fail_and_learn(self, view: View, decided_by: str, wrong: set[int]) -> str:
-        """Latch, those of small deviations too; what is summed begins again then, else biases move."""
+    def fail_all(self, view: View, decided_by: str, wrong: set[int]) -> str:
+        """Latch, those of small deviations too; what is summed begins again then."""
         view.trusted = self.references.trusted  # as this frame left it
-        slow = self.slow_faults.summed(view) if decided_by != "common" else set()
-        tested = set[int]()
+        slow, tested = set[int](), set[int]()
         if decided_by != "common":
+            slow = self.slow_faults.summed(view, self.slow_tests.bias)
             tested = self.slow_tests.isolated(view, view.trusted, self.split.whole)
+            self.reached("slow beside the tests", slow and self.s.slow_means)
         slow, by = slow | tested, self.slow_tests.by if tested else "slow"
         self.reached("slow", slow)
-        self.reached("ranked by the bias", len(view.use) > 1 and view.by_seen != view.ascending)
         self.failed |= slow
         self.fail(view, decided_by, wrong)
         decided_by = by if slow else decided_by
         if self.split.given_up(self.s):
             self.reached("given up")
             self.failed, decided_by = set(range(self.s.channels)), "given_up"
-        if not self.slow_faults.level_changed(self.failed):
-            self.reached("bias learned", self.s.equalise_bound and len(view.use) > 1 and view.pattern == "normal")
-            self.slow_faults.learn(view, view.lonely | wrong | {c for c in view.use if self.counts[c]})
+        self.slow_faults.hear(self.failed)
         return decided_by
 
     # Section 2.

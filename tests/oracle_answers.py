@@ -19,11 +19,7 @@ class Settings:
     threshold: float = 1.0
     threshold_triplex: float | None = None  # of three compared samples, and of two; threshold where not given
     threshold_duplex: float | None = None
-    outlier: float | None = None  # of four samples that agree within the threshold, and of three; none where not given
-    outlier_triplex: float | None = None
     filter_share: float = 0.0  # of a new sample in what is compared; 0: the sample itself
-    equalise_bound: float = 0.0
-    bias_share: float = 0.0  # of what is left, a frame
     slow_allowance: float = 0.0
     slow_limit: float = 0.0  # unit times frames
     stale_frames: int = 0
@@ -63,10 +59,6 @@ class Settings:
         """How far two of ``compared`` samples may be apart and agree."""
         return {3: self.threshold_triplex, 2: self.threshold_duplex}.get(compared) or self.threshold
 
-    def outlier_of(self, compared: int) -> float | None:
-        """How far one of ``compared`` samples that all agree may be from the others."""
-        return {4: self.outlier, 3: self.outlier_triplex}.get(compared)
-
     def near(self, x: float, base: float) -> float:
         """``x`` on the turn of ``base``."""
         return base + ((x - base + pi) % self.turn - pi) if self.turn else x
@@ -93,7 +85,6 @@ class View:
     s: Settings
     use: dict[int, float]
     seen: dict[int, float]
-    beside: dict[int, float]  # what stands beside the reference: as seen, with the channel equalisation
     ilm: Sequence[str]
     reference: float | None  # finite
     seen_reference: float | None
@@ -174,17 +165,15 @@ def by_reference(view: View) -> Answer | None:
         return None
     if view.pattern in PAIRS:
         return triplex(view, reference)
-    within = [c for c in view.seen if view.s.apart(view.beside[c], reference) <= view.s.reference_threshold]
+    within = [c for c in view.seen if view.s.apart(view.seen[c], reference) <= view.s.reference_threshold]
     if len(within) != 1:
         return None
     return view.use[within[0]], set(view.use) - set(within)
 
 
 def triplex(view: View, reference: float) -> Answer | None:
-    """Section 4.3: the middle, and who fails for it; nothing where the bias alone tells the halves apart."""
-    (above, below), (low, high) = (view.beside[c] for c in view.middle_two), view.halves
-    if below > above:
-        return None
+    """Section 4.3: the middle, and who fails for it."""
+    (above, below), (low, high) = (view.seen[c] for c in view.middle_two), view.halves
     vote = sorted([*(view.use[c] for c in view.middle_two), view.reference or 0.0])[1]
     if reference >= above:
         return vote, low

@@ -79,7 +79,7 @@ class BoxOracle:
         self.rules.add(f"{len(dead)} failed as boxes")
         self.rules.add("failed where it was silent" if now & one.accused else "failed where nothing spoke against it")
         one.failed |= now
-        one.slow_faults.level_changed(one.failed)
+        one.slow_faults.hear(one.failed)
         one.references.level_changed()
         states = ["failed" if c in one.failed else state for c, state in enumerate(frame.states)]
         return Frame(
@@ -177,7 +177,6 @@ class ResettableOracle(Oracle):
                 self.readmitted = True
                 self.references.level_changed()
                 self.counts[c] = self.agreed[c] = 0
-                self.slow_faults.forget(c)
                 self.slow_tests.forget()
 
     def step(self, samples: list[float | None], *given: Any) -> Frame:  # pyright: ignore[reportIncompatibleMethodOverride]  # hands all on
@@ -185,9 +184,6 @@ class ResettableOracle(Oracle):
         frame = super().step(samples, *given)
         self.readmitted = False
         for c, x in enumerate(self.comparable):
-            agrees = (
-                x is not None
-                and self.s.apart(self.memory[c] - self.slow_faults.bias[c], self.memory["vote"]) <= self.s.threshold
-            )
+            agrees = x is not None and self.s.apart(self.memory[c], self.memory["vote"]) <= self.s.threshold
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

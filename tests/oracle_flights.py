@@ -226,13 +226,6 @@ def by_level(flight: Flight, pick: Pick) -> Flight:
     return replace(flight, settings=replace(flight.settings, threshold_triplex=triplex, threshold_duplex=duplex))
 
 
-def with_outliers(flight: Flight, pick: Pick) -> Flight:
-    """The same with thresholds of their own for one of four and of three samples that agree."""
-    wide = {"threshold": pick([1.0, 2.0]) + 1 / 1024, "threshold_triplex": pick([None, 3.5])}
-    limits = {name: pick([0.25, 0.125, 0.75, None]) for name in ("outlier", "outlier_triplex")}
-    return replace(flight, settings=replace(flight.settings, **wide, **limits))
-
-
 def filtered(flight: Flight, pick: Pick) -> Flight:
     """The same behind a filter; no threshold is met exactly, no sample or reference lies on another: rounding, or the
     order of equals, would decide."""
@@ -251,11 +244,9 @@ def filtered(flight: Flight, pick: Pick) -> Flight:
 
 
 def slow_faults(flight: Flight, pick: Pick) -> Flight:
-    """The same for longer and with biases, which are learned, summed, or neither; samples may not repeat for ever."""
+    """The same for longer and with biases, which are summed or not; samples may not repeat for ever."""
     s = flight.settings
     more = {
-        "equalise_bound": min(pick([0.0, 0.3, 0.9]), *map(s.within, (2, 3, 4))),
-        "bias_share": pick([0.05, 0.3]),
         "slow_allowance": pick([0.10037, 0.30171]),
         "slow_limit": pick([0.0, 0.30713, 1.11131]),
         "stale_frames": pick([0, 3, 12]),
@@ -292,7 +283,7 @@ def with_commands(flight: Flight, pick: Pick) -> Flight:
 
 def by_all(flight: Flight, pick: Pick) -> Flight:
     """The same with several of these at once."""
-    for change in (held, left_by_extremes, by_level, filtered, with_outliers, slow_faults, at_the_stop, with_commands):
+    for change in (held, left_by_extremes, by_level, filtered, slow_faults, at_the_stop, with_commands):
         if pick([True, False]) and not (flight.settings.turn and change in (left_by_extremes, at_the_stop)):
             flight = change(flight, pick)
     return flight

@@ -1,8 +1,9 @@
-"""The oracle's slow-fault rules: channel equalisation, sums of small deviations, samples that repeat."""
+"""The oracle's slow-fault rules: sums of small deviations, samples that repeat."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from statistics import median
 
 from oracle_answers import Settings, View
 from oracle_references import FAR
@@ -13,8 +14,6 @@ class SlowFaults:
     """Memory of one signal beside the oracle's; channels are keys."""
 
     s: Settings
-    bias: dict[int, float] = field(default_factory=lambda: dict.fromkeys(range(4), 0.0))
-    learned: dict[int, int] = field(default_factory=lambda: dict.fromkeys(range(4), 0))  # frames
     sums: dict[tuple[int, int], float] = field(default_factory=dict)  # by channel and sign
     last: dict[int, float] = field(default_factory=dict)  # comparable samples
     last_reference: float | None = None  # of the last frame, as given
@@ -23,17 +22,11 @@ class SlowFaults:
     rules: set[str] = field(default_factory=set)  # that the frame reached
     out: int = 0  # channels that were failed when the sums last began, or since
 
-    def level_changed(self, failed: set[int]) -> bool:
-        """Whether as many channels are failed as before; if not, the sums begin again."""
-        changed = len(failed) != self.out
-        if changed:
+    def hear(self, failed: set[int]) -> None:
+        """With another number of failed channels than before the sums begin again."""
+        if len(failed) != self.out:
             self.out = len(failed)
             self.sums.clear()
-        return changed
-
-    def forget(self, c: int) -> None:
-        """A channel is readmitted."""
-        self.bias[c], self.learned[c] = 0.0, 0
 
     def stale(self, samples: list[float | None], in_use: set[int], reference: float | None, trusted: bool) -> set[int]:
         """Channels whose sample has been the same for too long, while half of the others have moved.
@@ -64,40 +57,31 @@ class SlowFaults:
         self.last_reference = reference
         return {c for c in there if self.repeats[c] >= self.s.stale_frames}
 
-    def residuals(self, view: View) -> dict[int, float]:
-        """How far each sample is from the middle, in which a usable reference may stand between two halves."""
+    def residuals(self, view: View, bias: dict[int, float]) -> dict[int, float]:
+        """How far each sample without its ``bias`` is from the median of all, where the tests learn biases.
+
+        Else how far each is from the middle, in which a usable reference may stand between two halves.
+        """
+        if self.s.slow_means:
+            y = {c: x - bias[c] for c, x in view.use.items()}
+            return {c: x - median(y.values()) for c, x in y.items()}
         above, below = view.ranks
         middle = (above + below) / 2
         if len(view.x) % 2 == 0 and view.usable_reference is not None:
             middle = sorted([above, below, view.usable_reference])[1]
         return {c: x - middle for c, x in view.use.items()}
 
-    def summed(self, view: View) -> set[int]:
+    def summed(self, view: View, bias: dict[int, float]) -> set[int]:
         """The channel with the largest sum above the limit, while most are below half of it."""
         if not self.s.slow_limit or len(view.use) < 3 or ":" in view.pattern:
             return set()
         reached: dict[int, float] = {}
-        for c, r in self.residuals(view).items():
+        for c, r in self.residuals(view, bias).items():
             for sign in (1, -1):
-                step = sign * (r - self.bias[c]) - self.s.slow_allowance
+                step = sign * r - self.s.slow_allowance
                 step = min(step, self.s.slow_limit / (self.s.persistence - 0.5))
                 self.sums[c, sign] = max(0.0, self.sums.get((c, sign), 0.0) + step)
             reached[c] = max(self.sums[c, 1], self.sums[c, -1])
         worst = max(view.ascending, key=lambda c: reached[c])  # of equals the least sample
         calm = sum(x < self.s.slow_limit / 2 for x in reached.values())
         return {worst} if reached[worst] > self.s.slow_limit and calm > len(reached) / 2 else set()
-
-    def learn(self, view: View, suspected: set[int]) -> None:
-        """Move the biases of who is not suspected by a share of what is left, within the bound."""
-        if not self.s.equalise_bound or len(view.use) < 2 or view.pattern != "normal":
-            return
-        for c, r in self.residuals(view).items():
-            if c not in suspected:
-                self.learned[c] += 1
-                share = max(self.s.bias_share, 1.0 / self.learned[c])
-                moved = self.bias[c] + share * (r - self.bias[c])
-                self.bias[c] = max(-self.s.equalise_bound, min(self.s.equalise_bound, moved))
-
-    def settled(self, use: dict[int, float]) -> bool:
-        """Whether the bias of each is a mean over the whole time constant."""
-        return not self.s.equalise_bound or all(self.learned[c] >= round(1.0 / self.s.bias_share) for c in use)

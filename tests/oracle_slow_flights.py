@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import sin
 from random import Random
 
-from oracle_flights import Flight, Pick, before_the, filtered, slow_faults, with_commands, with_outliers
+from oracle_flights import Flight, Pick, before_the, filtered, slow_faults, with_commands
 
 BESIDE = 1.0 / 1024.0
 BY_SQUARES = ("noise", "oscillation")  # of which the tests tell something only after five seconds
@@ -29,7 +29,7 @@ def slow_tests(flight: Flight, pick: Pick) -> Flight:
     }
     beside = {name: getattr(flight.settings, name) + BESIDE for name in ("threshold", "reference_threshold")}
     flight = replace(flight, settings=replace(flight.settings, **beside, **more))
-    changed = pick([as_it_is, as_it_is, filtered, with_outliers, slow_faults])(flight, pick)
+    changed = pick([as_it_is, as_it_is, filtered, slow_faults, slow_faults])(flight, pick)
     return pick([as_it_is, with_commands])(before_the(changed, some_seconds(changed, pick)), pick)
 
 

@@ -27,7 +27,6 @@ from oracle_flights import (
     seeded,
     slow_faults,
     with_commands,
-    with_outliers,
 )
 from oracle_slow_flights import slow_tests
 
@@ -76,11 +75,7 @@ def run(flight: Flight) -> Voted:
         reference_threshold=s.reference_threshold,
         threshold_triplex=s.threshold_triplex,
         threshold_duplex=s.threshold_duplex,
-        outlier_threshold=s.outlier,
-        outlier_threshold_triplex=s.outlier_triplex,
         filter_s=-1.0 / (100.0 * log1p(-s.filter_share)) if s.filter_share else 0.0,
-        equalise_bound=s.equalise_bound,
-        equalise_s=1.0 / (100.0 * s.bias_share) if s.bias_share else 10.0,
         slow_allowance=s.slow_allowance if s.slow_limit else None,
         slow_limit=s.slow_limit / 100.0 if s.slow_limit else None,
         stale_frames=s.stale_frames,
@@ -171,8 +166,6 @@ RULES = (
 )
 OF_SLOW_FAULTS = (
     "slow",
-    "bias learned",
-    "ranked by the bias",
     "stale",
     "stale in a split",
     "a repeat of which too few tell",
@@ -180,7 +173,7 @@ OF_SLOW_FAULTS = (
 OF_SLOW_TESTS = (
     *(f"test: {said}" for said in ("one by slow_means", "one by slow_squares", "not alone", "a slope", "no slope")),
     *("test: a half of 2", "test: a half of 4"),
-    "test: learned again after a reset",
+    *("test: learned again after a reset", "slow beside the tests"),
 )
 OF_PAIRS = (
     *("the pair of extremes cut", "reference not monitored by a suspected pair", "both of a pair wrong by trend"),
@@ -198,7 +191,6 @@ OF_HOLDS = (
 FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]]] = {
     "drawn evenly": (lambda flight, pick: flight, 1250, RULES),
     "thresholds by level": (by_level, 150, ()),
-    "outliers": (with_outliers, 150, ("outlier", "outlier: no two are close")),
     "behind a filter": (filtered, 150, OF_FILTERS),
     "slow faults": (slow_faults, 200, OF_SLOW_FAULTS),
     "slow-fault tests": (slow_tests, 200, OF_SLOW_TESTS),
@@ -206,7 +198,7 @@ FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]
     "left by extremes": (left_by_extremes, 300, OF_PAIRS),
     "at the stop": (at_the_stop, 150, ()),
     "readmitted": (with_commands, 150, ()),
-    "all at once": (by_all, 200, (*OF_SLOW_FAULTS, OF_FILTERS[0], "given up", "outlier")),
+    "all at once": (by_all, 200, (*OF_SLOW_FAULTS, OF_FILTERS[0], "given up")),
 }
 
 

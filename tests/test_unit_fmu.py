@@ -22,6 +22,7 @@ import rig
 from rig.bench.unit_check import check
 from rig.core.errors import BadInput, RigError
 from rig.core.frame import UnitStatus
+from rig.core.renamed import names_of_variable
 from rig.studies.campaign.worker import flown_with
 from rig.unit import fmu as fmu_transport
 from rig.unit.fmu_description import TOKEN, Version, description, variables
@@ -135,6 +136,24 @@ def test_fmpy_finds_no_fault_with_the_description(tmp_path: Path, version: Versi
     shapes = {re.sub(r"\d+", "1", variable.name): variable for variable in found.modelVariables}  # a parse takes 5 ms
     found.modelVariables = list(shapes.values())
     assert len(shapes) > 50 and validate_model_description(found, validate_variable_names=True) == []
+
+
+@needs_fmpy
+@needs_a_compiler
+@pytest.mark.parametrize("described", ["before 1.0", "with settings that are gone"])
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_fmu_with_the_names_of_an_earlier_description_flies_the_same(
+    tmp_path: Path, version: Version, described: str
+):
+    """Settings that are gone are 0 there."""
+    at = {"with settings that are gone": 1, "before 1.0": 2}[described]
+    lines = re.sub(r'(?<= name=")[^"]+', lambda name: names_of_variable(name[0])[at], description(version))
+    old = {1: ("signal[1].outlier_threshold", "slow_faults[1].equalise_gain"), 2: ("lasting[1].bias_bound",)}[at]
+    assert all(f'name="{name}"' in lines for name in old) and "reserved" not in lines
+    with zipfile.ZipFile(fmu(version)) as archive:
+        archive.extract(f"binaries/{FOLDERS[version]}/rig_unit.so", tmp_path)
+    earlier = archived(version, lines, tmp_path / "binaries" / FOLDERS[version] / "rig_unit.so")
+    assert len({fly(tmp_path, unit_of(tmp_path, one)).digest for one in (fmu(version), earlier)}) == 1
 
 
 def test_rig_unit_header_prints_the_description(rig_command):

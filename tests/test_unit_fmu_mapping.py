@@ -155,6 +155,18 @@ BAD_PARAMETERS = {
         {"parameters": {"signal.heading.threshold": "bias", "signal.pitch_rate.threshold": "bias"}},
         "fmu: bias is mapped 2 times",
     ),
+    "a setting that is gone": (
+        {"parameters": {"signal.*.outlier_threshold": "bias_*"}},
+        "fmu.parameters: signal.*.outlier_threshold: is gone: slow_tests ",
+    ),
+    "one that has another name in the records": (
+        {"parameters": {"slow_faults.heading.bias_gain": "bias"}},
+        "fmu.parameters: slow_faults.heading.bias_gain: is gone: slow_tests learns the biases",
+    ),
+    "a reserved element": (
+        {"parameters": {"signal.heading.reserved_0": "bias"}},
+        "fmu.parameters: signal.heading.reserved_0: no such element; nearest: ",
+    ),
     "a constant as well": (
         {"parameters": {"signal.heading.threshold": "bias"}, "constants": {"bias": 1}},
         "fmu: bias is mapped 2 times",

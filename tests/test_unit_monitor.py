@@ -115,7 +115,7 @@ def test_so_are_rows_long_enough_for_the_slow_fault_tests(monitor: Library, host
 
 # Each switch that versions 2 and 3 of the records brought, and what it is when it is off.
 SWITCHES = {
-    **dict.fromkeys(("equalise_bound", "slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
+    **dict.fromkeys(("slow_limit", "stale_frames", "count_down", "unresolved_frames"), 0),
     **dict.fromkeys(("trend_tumbles", "trend_beside_reference", "referred", "sources", "box", "weighted"), 0),
     "trend_small": -1.0,
 }

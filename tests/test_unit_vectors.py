@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from one_stage import step_stage
 from unit_defects import DEFECTS, Defect
 from unit_defects_rules import OLD_RULES
+from unit_defects_slow import SLOW_DEFECTS
 from unit_files import SOURCES as EXAMPLES
 from unit_files import compiled, needs_a_compiler
 
@@ -138,7 +139,7 @@ def is_found(defect: Defect, objects: dict[str, Path], folder: Path) -> bool:
 
 
 @needs_a_compiler
-@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.name)
+@pytest.mark.parametrize("defect", [*DEFECTS, *SLOW_DEFECTS], ids=lambda defect: defect.name)
 def test_the_vectors_find_a_monitor_with_a_defect(defect: Defect, objects: dict[str, Path], tmp_path: Path):
     assert is_found(defect, objects, tmp_path)
 

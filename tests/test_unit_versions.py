@@ -175,7 +175,6 @@ def test_an_older_fmu_flies(tmp_path: Path, version: int, fmi: str):
 
 SIGNAL = "redundancy.signals.yaw_rate"
 SLOW_FAULTS = {
-    f"{SIGNAL}.equalise_bound": [f"{SIGNAL}.equalise_bound=0.001"],
     f"{SIGNAL}.slow_limit": [f"{SIGNAL}.slow_limit=1.0", f"{SIGNAL}.slow_allowance=0.01"],
     f"{SIGNAL}.stale_frames": [f"{SIGNAL}.stale_frames=20"],
 }

@@ -21,8 +21,8 @@ SAMPLES = [
     Defect("a sample that is no number compared", IN_RANGE, f"(isnan(f->samples[c]) || ({IN_RANGE}))"),
     Defect(
         "two samples a threshold apart disagree",
-        "!((f->z[f->by[i]] - f->z[f->by[i - 1]]) <= within)",
-        "!((f->z[f->by[i]] - f->z[f->by[i - 1]]) < within)",
+        "!((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= f->threshold)",
+        "!((f->y[f->by[i]] - f->y[f->by[i - 1]]) < f->threshold)",
     ),
     Defect(
         "an angle compared as a plain number",
@@ -234,14 +234,6 @@ DISCRETES = [
 LEVELS_AND_FILTER = [
     Defect("three samples with the threshold of four", "(n == 3) ? p->threshold_triplex", "(n == 3) ? p->threshold"),
     Defect("two samples with the threshold of four", ": p->threshold_duplex;", ": p->threshold;"),
-    Defect("no outlier of four", "return p->outlier_threshold;", "return 0.0;"),
-    Defect("no outlier of three", "(n == 3) ? p->outlier_threshold_triplex : 0.0", "0.0"),
-    Defect("the outlier of three by the limit of four", "? p->outlier_threshold_triplex", "? p->outlier_threshold"),
-    Defect(
-        "outliers without a majority",
-        "memset(f->alone, 0, sizeof f->alone);\n            pattern = RIG_PATTERN_NORMAL;",
-        "pattern = RIG_PATTERN_ISOLATED;",
-    ),
     Defect("no filter", "if (p->filter_gain > 0.0) {", "if (p->filter_gain > 1.0) {"),
     Defect("a step of the filter not limited", "fabs(step) > limit", "fabs(step) > (1e9 * limit)"),
     Defect(
@@ -257,7 +249,7 @@ LEVELS_AND_FILTER = [
     Defect(
         "compared in the order of the samples",
         "        sort_again(f->y, f->by, f->n);\n",
-        "",
+        "        (void)sort_again;\n",
     ),
     Defect(
         "the filtered value voted by the reference",

@@ -184,8 +184,8 @@ BOXES = [
 FILTER = [
     Defect(
         "a miscompare behind a filter counts always",
-        "(f->alone[c] && is_off(c, f, p, s))",
-        "(f->alone[c] && (is_off(c, f, p, s) || (f->n > 0)))",
+        "(f->alone[c] && is_off(c, f, p))",
+        "(f->alone[c] && (is_off(c, f, p) || (f->n > 0)))",
     ),
     Defect(
         "the rest of a burst takes the count to zero",
@@ -194,14 +194,9 @@ FILTER = [
     ),
     Defect("the rest of a burst leaves the count", "larger(0.0, count[c] - 1.0)", "count[c]"),
     Defect(
-        "off the vote by more than the threshold, not the outlier's",
-        "(f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold",
-        "f->threshold",
-    ),
-    Defect(
         "the filter's value off the vote",
-        "difference(f->x[c], f->vote, p) - s->slow_faults",
-        "difference(f->y[c], f->vote, p) - s->slow_faults",
+        "off = difference(f->x[c], f->vote, p);",
+        "off = difference(f->y[c], f->vote, p);",
     ),
     Defect("a split that has closed goes on", "} else if (!f->together) {", "} else if (f->n >= 0) {"),
     Defect(

@@ -53,8 +53,6 @@ def random_params(draw: Generator) -> NDArray[Any]:
     params["high"][angle] = params["low"][angle] + TWO_PI
     levels = draw.choice([1.0, 1.0, 0.6, 1.7, 3.1], (2, S))
     params["threshold_triplex"], params["threshold_duplex"] = params["threshold"] * levels
-    for name, level in (("outlier_threshold", "threshold"), ("outlier_threshold_triplex", "threshold_triplex")):
-        params[name] = params[level] * draw.choice([0.0, 0.0, 0.2, 0.5, 1.0], S)
     params["filter_gain"] = draw.choice([0.0, 0.0, 0.1, 0.5, 0.95], S)
     narrow = ~angle & (draw.random(S) < 0.25)  # samples and references meet the stops
     params["low"][narrow], params["high"][narrow] = NARROW * params["threshold"][narrow], params["threshold"][narrow]
@@ -67,12 +65,7 @@ def random_params(draw: Generator) -> NDArray[Any]:
 
 
 def _give_slow_faults(draw: Generator, params: NDArray[Any]) -> None:
-    """Learned biases, sums and stale samples, each on in half of the signals."""
-    least = np.min([params[name] for name in ("threshold", "threshold_triplex", "threshold_duplex")], axis=0)
-    params["equalise_bound"], params["equalise_gain"] = (
-        least * draw.choice([0.0, 0.3, 1.0], S),
-        draw.choice([0.05, 0.3, 1.0], S),
-    )
+    """Sums and stale samples, each on in half of the signals."""
     params["slow_allowance"] = params["threshold"] * draw.choice([0.05, 0.2, 0.5], S)
     params["slow_limit"] = params["threshold"] * draw.choice([0.0, 0.0, 0.5, 2.0], S)
     params["stale_frames"] = draw.choice([0, 0, 2, 9], S)

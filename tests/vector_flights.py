@@ -27,7 +27,6 @@ from oracle_flights import (
     filtered,
     left_by_extremes,
     one_side,
-    with_outliers,
 )
 from oracle_flights import slow_faults as with_slow_faults
 from oracle_slow_flights import slow_tests
@@ -174,12 +173,6 @@ def levelled(seed: int) -> Flown:
     return Flown(by_level(slow_faults(build(draw.choice)), draw.choice))
 
 
-def with_limits(seed: int) -> Flown:
-    """A random signal with isolation thresholds."""
-    draw = random.Random(f"outliers {seed}")
-    return Flown(with_outliers(slow_faults(build(draw.choice)), draw.choice))
-
-
 def smoothed(seed: int) -> Flown:
     """A random signal that is compared behind a filter."""
     draw = random.Random(f"filter {seed}")
@@ -190,8 +183,6 @@ def bursting(seed: int) -> Flown:
     """A random signal behind a filter, with bursts on one to three channels, alike or not, shorter than they may be."""
     draw = random.Random(f"bursts {seed}")
     flight = slow_faults(filtered(build(draw.choice), draw.choice))
-    if draw.random() < 0.5:
-        flight = with_outliers(flight, draw.choice)
     value, samples = draw.choice([0.0, 3.0]), list[list[float | None]]()
     while len(samples) < FRAMES:
         hit, alike = draw.sample(range(4), draw.choice([0, 1, 2, 2, 3])), draw.choice([True, True, False])

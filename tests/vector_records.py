@@ -30,7 +30,6 @@ SAME = (
     *(
         "split_persistence",
         "trend_frames",
-        "equalise_bound",
         "stale_frames",
         "slow_allowance",
         "slow_limit",
@@ -131,8 +130,6 @@ def configure(row: Any, flown: Flown) -> None:
     for name in SAME:
         row[name] = getattr(s, name)
     row["threshold_triplex"], row["threshold_duplex"], row["filter_gain"] = s.within(3), s.within(2), s.filter_share
-    row["outlier_threshold"], row["outlier_threshold_triplex"] = s.outlier or 0.0, s.outlier_triplex or 0.0
-    row["equalise_gain"] = s.bias_share
     row["reference_airspeed_m_s"] = flown.airspeed_m_s
     row["low"], row["high"], row["readmit_frames"] = flown.low, flown.high, flown.readmit_frames
     row["deviation"], row["deviation_frames"] = 2.5 * s.threshold, 5.0 * s.threshold * RATE_HZ

@@ -224,6 +224,32 @@ class _Gaps(SlowFaults):
         return super().stale(samples, in_use, reference, trusted)
 
 
+class _AboutSamples(SlowFaults):
+    def residuals(self, view: View, bias: dict[int, float]) -> dict[int, float]:
+        about = replace(self.s, slow_means=0.0)
+        kept, self.s = self.s, about
+        found = super().residuals(view, bias)
+        self.s = kept
+        return found
+
+
+class SumsAboutSamples(Other):
+    """The sums beside the slow-fault tests are of the samples themselves."""
+
+    repeated = _AboutSamples
+
+
+class _AboutMedian(SlowFaults):
+    def residuals(self, view: View, bias: dict[int, float]) -> dict[int, float]:
+        return super().residuals(view, dict.fromkeys(bias, 0.0))
+
+
+class SumsWithBiases(Other):
+    """The sums beside the slow-fault tests are about the median, biases included."""
+
+    repeated = _AboutMedian
+
+
 class EndedByGaps(Other):
     """A frame without a sample ends a count of repeats."""
 
@@ -300,7 +326,7 @@ class AgreesAtOnce(ResettableOracle):
         voted = self.memory.get("vote", frame.voted)
         for c in self.failed - out:
             x = self.memory.get(c)
-            near = x is not None and self.s.apart(x - self.slow_faults.bias[c], voted) <= self.s.threshold
+            near = x is not None and self.s.apart(x, voted) <= self.s.threshold
             self.agreed[c] = agreed[c] + 1 if near else 0
         return frame
 
@@ -322,13 +348,6 @@ class EndsBursts(ResettableOracle):
             0.0 if now < was and c in view.lonely else now
             for c, (was, now) in enumerate(zip(before, self.counts, strict=True))
         ]
-
-
-class OffByThreshold(ResettableOracle):
-    """A sample is off the vote by the threshold, whatever the outliers' is."""
-
-    def off(self, c: int, view: View, vote: float) -> bool:
-        return abs(self.s.change(view.use[c], vote) - self.slow_faults.bias[c]) > self.s.within(len(view.use))
 
 
 class _NeverClosed(Split):

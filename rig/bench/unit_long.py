@@ -28,7 +28,7 @@ TITLES: Final = (
     "long session, splits and disputes",
     "long session, slow-fault tests",
 )
-# Of them: with channel equalisation, sums and stale samples; with splits; with slow-fault tests.
+# Of them: with sums and stale samples; with splits; with slow-fault tests.
 SLOW_FAULTS, SPLITS, SLOW_TESTS = 3, 4, 5
 _HERE: Final = np.array([0.0] * 14 + [0.25, -0.25])  # offsets in thresholds: of a healthy channel,
 _GONE: Final = np.array([3.0, -3.0, 6.0, -6.0, 9.5, np.nan])  # and of one with a fault
@@ -46,7 +46,7 @@ _BUMP: Final = 24  # frames there, and as many back: at rest a signal that is lo
 
 def inputs_of(number: int, frames: int = FRAMES) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return CONFIG (1,) and INPUT (frames,) of a long session; number : of TITLES."""
-    draw = np.random.default_rng((number, 2))
+    draw = np.random.default_rng((number, 3))
     config, inputs = _config(draw, number), blank(INPUT, TO_UNIT, Kind.FRAME).repeat(frames)
     inputs["frame"], rare = np.arange(frames), (70, 24, 90, 90, 60, 90)[number]
     inputs["time_s"] = inputs["frame"] / RATE_HZ
@@ -92,7 +92,7 @@ def _config(draw: Generator, number: int) -> NDArray[Any]:
     if number == SLOW_FAULTS:
         _last(config["slow_faults"][0], signal, draw)
     if number == SLOW_TESTS:
-        _test(config["slow_tests"][0], signal, draw)
+        _test(config[0]["slow_tests"], config[0]["slow_faults"], signal, draw)
     if number > 0:  # the first is of what every version of the records knows
         _rule(config["rules"][0], signal, draw, one_box=number == 1)
     else:
@@ -124,8 +124,8 @@ def _last(slow_faults: NDArray[Any], signal: NDArray[Any], draw: Generator) -> N
     slow_faults["stale_frames"][-1] = 0
 
 
-def _test(slow_tests: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
-    """Turn on slow-fault tests on all signals, of most with a reference."""
+def _test(slow_tests: NDArray[Any], slow_faults: NDArray[Any], signal: NDArray[Any], draw: Generator) -> None:
+    """Turn on slow-fault tests on all signals, of most with a reference, of some with sums beside them."""
     for name in ("slow_means", "slow_squares", "slow_halves"):
         slow_tests[name] = draw.choice([1.0, 1.0, 1.3007], S)
     slow_tests["slow_bias"], slow_tests["slow_scale"] = draw.choice([0.0507, 0.3007], S), draw.choice([0.0, 0.0107], S)
@@ -134,6 +134,8 @@ def _test(slow_tests: NDArray[Any], signal: NDArray[Any], draw: Generator) -> No
     slow_tests["slow_reference_frames"] = draw.choice([0.0, 1.007], S)
     for name in ("slow_bias", "slow_noise", "slow_reference"):
         slow_tests[name] *= signal["threshold"]
+    slow_faults["slow_allowance"] = 0.0803 * signal["threshold"]
+    slow_faults["slow_limit"] = signal["threshold"] * draw.choice([0.0, 0.0, 5.007], S)
 
 
 def _rule(rules: NDArray[Any], signal: NDArray[Any], draw: Generator, one_box: bool) -> None:

@@ -25,7 +25,8 @@ _TESTS: Final = "slow_tests finds what it found, and less"
 GONE: Final = {
     **dict.fromkeys(("outlier_threshold", "outlier_threshold_triplex"), _TESTS),
     **dict.fromkeys(
-        ("equalise_bound", "equalise_s", "bias_bound", "bias_s"), "slow_tests learns the biases of channels"
+        ("equalise_bound", "equalise_s", "equalise_gain", "bias_bound", "bias_s", "bias_gain"),
+        "slow_tests learns the biases of channels",
     ),
 }
 _OF_UNITS: Final = ("carrier", "form")  # which other files may have as names of their own
@@ -93,6 +94,13 @@ IN_LAYOUT: Final = {
     "Role": "Form",
     "autopilot_command": "demand",
 }
+# Fields of those records that are 0 now: the last name before.
+_RESERVED: Final = {
+    "reserved_0": "outlier_threshold",
+    "reserved_1": "outlier_threshold_triplex",
+    "reserved_2": "equalise_bound",
+    "reserved_3": "equalise_gain",
+}
 
 
 _FROM_LAYOUT: Final = {old: new for new, old in IN_LAYOUT.items()}
@@ -102,6 +110,11 @@ _WORD: Final = re.compile(r"\w+")
 def in_layout(text: str) -> str:
     """Return a text with the present names of a unit's records replaced by the old ones."""
     return _WORD.sub(lambda word: IN_LAYOUT.get(word[0], word[0]), text)
+
+
+def names_of_variable(name: str) -> tuple[str, ...]:
+    """Return the names of a variable of an FMU: the present one, and those with which earlier descriptions named it."""
+    return name, _WORD.sub(lambda word: _RESERVED.get(word[0], word[0]), name), in_layout(name)
 
 
 def of_layout(text: str) -> str:

@@ -21,7 +21,7 @@ from typing import Any, Final, get_args
 from xml.etree import ElementTree
 
 from rig.core.errors import BadInput
-from rig.core.renamed import in_layout
+from rig.core.renamed import names_of_variable
 from rig.core.text import quoted
 from rig.unit import transport as links
 from rig.unit.fmu_description import ASKED, IDENTIFIER, PLACED, TOKEN, TOKENS, Place, Version, variables
@@ -174,7 +174,7 @@ def _runs(
             continue
         if variable.record in ASKED and variable.record is not asked:
             continue
-        found = known.get(variable.name) or known.get(in_layout(variable.name))  # of one that was made before
+        found = next((known[name] for name in names_of_variable(variable.name) if name in known), None)
         if found is None or found.type != variable.type(version):
             raise BadInput(f"{named} has no variable {variable.name} of type {variable.type(version)}")
         if variable.name == "stepped":  # the child counts itself

@@ -25,7 +25,7 @@ from typing import Any, Final, NamedTuple
 from rig.core.errors import BadInput
 from rig.core.frame import INDEX, SIGNALS, Law
 from rig.core.frame.fields import FIELD
-from rig.core.renamed import of_layout
+from rig.core.renamed import is_gone, of_layout
 from rig.core.text import choices
 from rig.core.units.conversion import conversion
 from rig.core.units.quantities import unit_of_name
@@ -153,6 +153,8 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
     shape = re.compile(re.escape(key).replace(r"\*", r"([^.]+)"))
     fits = [(address, match) for address in elements if (match := shape.fullmatch(address))]
     if not fits:
+        if gone := is_gone(key.rpartition(".")[2]):
+            raise BadInput(f"{where}: {gone}")
         if (new := of_layout(key)) != key:
             raise BadInput(f"{where}: is now called {new}")
         raise BadInput(f"{where}: no such element; {choices(key, elements, 'docs/reference/icd.md')}")
@@ -162,12 +164,12 @@ def _expanded(key: str, variable: str, elements: dict[str, Element], where: str)
 
 @cache
 def _elements(record: Place) -> dict[str, Element]:
-    """Return all elements of a record by address; not ``stepped`` and ``said``, which the rig counts."""
+    """Return all elements of a record by address; not reserved ones, nor ``stepped`` and ``said``, which it counts."""
     elements = {}
     for variable in of_record(record):
         for scalar in variable.scalars():
-            if variable.name not in ("stepped", "said") and not variable.text:
-                field, address, unit = _named(scalar.name, variable.name, scalar.about)
+            field, address, unit = _named(scalar.name, variable.name, scalar.about)
+            if variable.name not in ("stepped", "said") and not variable.text and not field.startswith("reserved_"):
                 elements[address] = Element(address, field, scalar.first, variable.base, unit)
     return elements
 

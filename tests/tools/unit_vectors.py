@@ -50,7 +50,6 @@ from vector_flights import (
     tested,
     to_the_ends,
     with_absent_monitors,
-    with_limits,
     with_resets,
 )
 from vector_records import MISSING, Session
@@ -183,25 +182,8 @@ def by_two(flown: Flown) -> bool:
     return flown.hangs_on(threshold_duplex=None)
 
 
-def by_outlier(flown: Flown) -> bool:
-    return flown.hangs_on(outlier=None)
-
-
-def by_outlier_of_three(flown: Flown) -> bool:
-    return flown.hangs_on(outlier_triplex=None)
-
-
 def behind_filter(flown: Flown) -> bool:
     return flown.hangs_on(filter_share=0.0)
-
-
-def by_bias(flown: Flown) -> bool:
-    return flown.hangs_on(equalise_bound=0.0)
-
-
-def by_bound(flown: Flown) -> bool:
-    """A bias is held within its bound: a wider one gives other answers."""
-    return flown.settings.equalise_bound > 0.0 and flown.hangs_on(equalise_bound=100.0)
 
 
 def by_repeats(flown: Flown) -> bool:
@@ -337,7 +319,7 @@ RULED: list[tuple[str, Callable[[int], Flown | None], list[Wanted]]] = [
     (
         "what a filter still shows of a burst is taken off the count",
         bursting,
-        otherwise(vector_rules.CountsBursts, vector_rules.EndsBursts, vector_rules.OffByThreshold),
+        otherwise(vector_rules.CountsBursts, vector_rules.EndsBursts),
     ),
     (
         "a split that only a filter still shows does not go on",
@@ -441,10 +423,7 @@ def sessions() -> Iterator[Session]:
     title = "a failed channel without a sample in range does not agree"
     yield of_signals(title, beyond_with_resets, [readmitted, refused_early], BEYOND)
     yield of_signals("thresholds of their own for three and for two samples", levelled, [by_three, by_two])
-    wanted = [by_outlier, by_outlier_of_three, *reached("outlier: no two are close")]
-    yield of_signals("an outlier of channels that agree", with_limits, wanted)
     yield of_signals("comparisons behind a filter", smoothed, [behind_filter, *reached(*FILTERED)])
-    yield of_signals("biases are learned, within their bound, and compared without", biased, [by_bias, by_bound])
     for number in range(2):
         title = f"small deviations are summed until they fail a channel, {number + 1}"
         yield of_signals(title, lambda seed, n=number: biased(2000 * n + seed), reached("slow"))
@@ -460,6 +439,9 @@ def sessions() -> Iterator[Session]:
         yield of_signals(title, make, wanted)
     for title, wanted in TESTED:
         yield of_signals(title, tested, wanted, frames=LONG)
+    title = "beside slow-fault tests small deviations are summed without the biases"
+    wanted = otherwise(vector_rules.SumsAboutSamples, vector_rules.SumsWithBiases)
+    yield of_signals(title, tested, wanted, frames=LONG)
     yield from vector_boxes.sessions()
     for number in range(3):
         title = f"majority of discretes, the fail-safe value without one, {number + 1}"

@@ -10,12 +10,6 @@ void slow_open(const struct rig_config *config, int signal, struct slow_faults *
     memset(l, 0, sizeof *l);
 }
 
-void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
-{
-    (void)failed;
-    (void)s;
-}
-
 void slow_count(const struct frame *f, double reference, params *p, struct signal *s)
 {
     (void)f;
@@ -31,23 +25,10 @@ bool slow_is_stale(int c, const struct slow_faults *l)
     return false;
 }
 
-bool slow_is_learned(const struct frame *f, const struct slow_faults *l)
-{
-    (void)f;
-    (void)l;
-    return true;
-}
-
 void slow_watch(struct frame *f, params *p, struct signal *s)
 {
     (void)f;
     (void)p;
-    (void)s;
-}
-
-void slow_learn(const struct frame *f, struct signal *s)
-{
-    (void)f;
     (void)s;
 }
 

@@ -128,7 +128,7 @@ static double begins_at(const struct frame *f, const struct signal *s)
     return mean(f->low, f->high, 0.5);
 }
 
-/* What is compared: samples and reference, or where there is a filter what it makes of them, less channel equalisation. */
+/* What is compared: samples and reference, or where there is a filter what it makes of them. */
 static void look(struct frame *f, params *p, struct signal *s)
 {
     memcpy(f->y, f->x, sizeof f->y);
@@ -147,14 +147,6 @@ static void look(struct frame *f, params *p, struct signal *s)
         memcpy(f->y, s->smooth, sizeof f->y);
         sort_again(f->y, f->by, f->n);
     }
-    bool biased = false;
-    for (int c = 0; c < RIG_CHANNELS; c++) {
-        f->z[c] = f->y[c] - s->slow_faults.bias[c];
-        biased = biased || (s->slow_faults.bias[c] != 0.0);
-    }
-    if (biased) {
-        sort_again(f->z, f->by, f->n);
-    }
 }
 
 /* Within what two of n samples agree. */
@@ -164,15 +156,6 @@ static double threshold(int n, params *p)
         return p->threshold;
     }
     return (n == 3) ? p->threshold_triplex : p->threshold_duplex;
-}
-
-/* Within what n samples that all agree must be; 0: nothing more is asked of them. */
-static double outlier_threshold(int n, params *p)
-{
-    if (n == RIG_CHANNELS) {
-        return p->outlier_threshold;
-    }
-    return (n == 3) ? p->outlier_threshold_triplex : 0.0;
 }
 
 /* redundancy.md 'References': of a dynamic pressure that is made from the speed over ground, the wind is the error. */
@@ -196,7 +179,6 @@ struct frame compare_samples(const struct rig_input *input, int signal, params *
     rank(&f, p, s);
     look(&f, p, s);
     f.threshold = threshold(f.n, p);
-    f.outlier_threshold = slow_is_learned(&f, &s->slow_faults) ? outlier_threshold(f.n, p) : 0.0;
     return f;
 }
 
@@ -224,12 +206,12 @@ static uint8_t pattern_of(int n, int count, bool middle)
 }
 
 /* Neighbours in rank decide: across a gap all pairs disagree. */
-static uint8_t classify(struct frame *f, double within)
+static uint8_t classify(struct frame *f)
 {
     bool apart[RIG_CHANNELS + 1] = {true, true, true, true, true}; /* apart[i]: ranks i - 1 and i */
     int count = 0;
     for (int i = 1; i < f->n; i++) {
-        apart[i] = !((f->z[f->by[i]] - f->z[f->by[i - 1]]) <= within);
+        apart[i] = !((f->y[f->by[i]] - f->y[f->by[i - 1]]) <= f->threshold);
         count += apart[i] ? 1 : 0;
     }
     for (int i = 0; (i < f->n) && (count > 0); i++) {
@@ -250,18 +232,9 @@ static bool come_together(const struct frame *f, params *p)
     return fabs(difference(f->x[f->by[f->n / 2]], low, p)) <= f->threshold;
 }
 
-/* Those who all agree are compared once more by the isolation threshold; without a majority at that scale none is
- * blamed (redundancy.md 'Outliers'). */
 void compare_pattern(struct frame *f, params *p, struct signal *s)
 {
-    uint8_t pattern = classify(f, f->threshold);
-    if ((pattern == RIG_PATTERN_NORMAL) && (f->outlier_threshold > 0.0)) {
-        pattern = classify(f, f->outlier_threshold);
-        if ((pattern != RIG_PATTERN_NORMAL) && (pattern != RIG_PATTERN_ISOLATED)) {
-            memset(f->alone, 0, sizeof f->alone);
-            pattern = RIG_PATTERN_NORMAL;
-        }
-    }
+    const uint8_t pattern = classify(f);
     f->together = is_split(pattern) && (p->filter_gain > 0.0) && come_together(f, p);
     if (pattern != s->pattern) {
         s->pattern_frames = 1;

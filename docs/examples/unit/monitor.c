@@ -100,7 +100,6 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     struct signal *const s = &signals[i];
     const struct latches before = s->latches;
     persistence_readmit(&s->latches, input->reset[i], p->fitted, p->readmit_frames);
-    slow_readmit(before.failed, s);
     tests_readmit(before.failed, s);
     references_readmit(before.failed, s);
     struct frame f = compare_samples(input, i, p, s);
@@ -117,9 +116,7 @@ static void monitor_signal(const struct rig_input *input, int i, struct rig_outp
     const int64_t level = s->level;
     slow_watch(&f, p, s);
     persistence_settle(&f, p, s);
-    if (s->level == level) {
-        slow_learn(&f, s);
-    } else {
+    if (s->level != level) {
         slow_begin_sums(&s->slow_faults);
     }
     publish(&f, p, s);

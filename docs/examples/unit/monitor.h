@@ -3,7 +3,7 @@
  * monitor.c      the interface, and one signal's frame from the samples to the answer
  * compare.c      which samples are compared, their ranks, pattern and median
  * trend.c        the trend bytes of the two voting ranks, and what they say
- * slow_faults.c  channel equalisation, sums of small deviations, samples that repeat
+ * slow_faults.c  sums of small deviations, samples that repeat
  * slow_tests.c   slow-fault tests: three means of each channel's residual
  * slow_halves.c  slow-fault tests: two channels that are wrong alike, or two that are left
  * tie_break.c    splits
@@ -41,8 +41,6 @@ struct latches {
 /* Slow faults of the channels of one signal; each part where it is on. */
 struct slow_faults {
     const struct rig_slow_faults_config *set;
-    double bias[RIG_CHANNELS];
-    int64_t learned[RIG_CHANNELS];    /* frames that the bias is of */
     double above[RIG_CHANNELS];       /* sums of residuals, unit times frames */
     double below[RIG_CHANNELS];
     double last_sample[RIG_CHANNELS]; /* comparable; NaN: none yet */
@@ -149,14 +147,12 @@ struct frame {
     double second;              /* reference of other physics; NaN: none */
     double reference_threshold;
     double threshold;           /* of as many samples */
-    double outlier_threshold;   /* the same of those who all agree; 0: none */
     int n;                      /* comparable samples */
     int order[RIG_CHANNELS];    /* their channels, by ascending value */
     double x[RIG_CHANNELS];     /* their values, by channel */
     double seen_reference;      /* what is compared: behind the filter, if there is one */
     double y[RIG_CHANNELS];     /* the same of the channels, */
-    double z[RIG_CHANNELS];     /* less what each is biased by, if that is learned, */
-    int by[RIG_CHANNELS];       /* and the channels by ascending z */
+    int by[RIG_CHANNELS];       /* and the channels by ascending y */
     unsigned ranked;            /* their channels, bits */
     double low, high;           /* the two voting ranks, */
     double rise_low, rise_high; /* and their changes since the last frame */
@@ -292,23 +288,14 @@ double trend_weight(double rise_high, double rise_low, double rise_vote);
 /* Begin with a signal of `config`, which stays where it is. */
 void slow_open(const struct rig_config *config, int signal, struct slow_faults *l);
 
-/* Forget the bias of the channels that were `failed` and are no longer. */
-void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
-
 /* Count the frames in which each channel's sample was the last one again while another's moved. */
 void slow_count(const struct frame *f, double reference, params *p, struct signal *s);
 
 /* Whether a channel's sample has repeated for too long to be compared. */
 bool slow_is_stale(int c, const struct slow_faults *l);
 
-/* Whether the bias of each channel with a sample is a mean over the time constant, or none is learned. */
-bool slow_is_learned(const struct frame *f, const struct slow_faults *l);
-
 /* Move sums and tests, fail whom they fail, and say in slow_by which did. */
 void slow_watch(struct frame *f, params *p, struct signal *s);
-
-/* Move each bias towards its channel's residual, within the bound; it begins as the mean of the residuals. */
-void slow_learn(const struct frame *f, struct signal *s);
 
 /* Begin all sums again: another number of channels has another middle. */
 void slow_begin_sums(struct slow_faults *l);
@@ -320,6 +307,12 @@ void tests_open(const struct rig_config *config, int signal, struct slow_tests *
 
 /* Learn the signal again where a channel was `failed` and is no longer. */
 void tests_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
+
+/* Whether a signal is tested, and so the biases of its channels are learned. */
+bool tests_run(const struct slow_tests *t);
+
+/* The median of the ranked samples without their biases, which it ranks again. */
+double tests_middle(const struct frame *f, struct slow_tests *t);
 
 /* The share of a constant that a mean over as many frames reaches within TESTS_BURST frames. */
 double tests_reached(double frames);

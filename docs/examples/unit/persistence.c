@@ -19,7 +19,7 @@ void persistence_watch_failed(const struct frame *f, params *p, struct signal *s
         return;
     }
     for (int c = 0; c < p->fitted; c++) {
-        const double off = difference(samples[c], vote, p) - s->slow_faults.bias[c];
+        const double off = difference(samples[c], vote, p);
         const bool there = compare_is_comparable(f, c, p) && !slow_is_stale(c, &s->slow_faults) && !has(f->ranked, c);
         const bool agrees = s->latches.failed[c] && there && (fabs(off) <= p->threshold);
         s->latches.agreed[c] = agrees ? (s->latches.agreed[c] + 1) : 0;
@@ -68,11 +68,10 @@ static double counted_down(double count, const struct rules *r)
 }
 
 /* Whether a sample itself is off the vote by more than it may be; asked behind a filter alone. */
-static bool is_off(int c, const struct frame *f, params *p, const struct signal *s)
+static bool is_off(int c, const struct frame *f, params *p)
 {
-    const double limit = (f->outlier_threshold > 0.0) ? f->outlier_threshold : f->threshold;
-    const double off = difference(f->x[c], f->vote, p) - s->slow_faults.bias[c];
-    return (p->filter_gain <= 0.0) || (f->n <= 1) || (fabs(off) > limit);
+    const double off = difference(f->x[c], f->vote, p);
+    return (p->filter_gain <= 0.0) || (f->n <= 1) || (fabs(off) > f->threshold);
 }
 
 void persistence_count(const struct frame *f, params *p, struct signal *s)
@@ -84,7 +83,7 @@ void persistence_count(const struct frame *f, params *p, struct signal *s)
         if (s->latches.failed[c] || (ranked && still)) {
             continue;
         }
-        if (!ranked || (f->alone[c] && is_off(c, f, p, s))) {
+        if (!ranked || (f->alone[c] && is_off(c, f, p))) {
             count[c] += 1.0;
         } else {
             count[c] = f->alone[c] ? larger(0.0, count[c] - 1.0) : counted_down(count[c], &s->rules);

@@ -225,8 +225,8 @@ struct rig_signal_config {
     double threshold;
     double threshold_triplex;
     double threshold_duplex;
-    double outlier_threshold;
-    double outlier_threshold_triplex;
+    double reserved_0;
+    double reserved_1;
     double filter_gain;
     double reference_threshold;
     double reference_airspeed_m_s;
@@ -253,8 +253,8 @@ RIG_ASSERT(sizeof(struct rig_signal_config) == 208);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold) == 0);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold_triplex) == 8);
 RIG_ASSERT(offsetof(struct rig_signal_config, threshold_duplex) == 16);
-RIG_ASSERT(offsetof(struct rig_signal_config, outlier_threshold) == 24);
-RIG_ASSERT(offsetof(struct rig_signal_config, outlier_threshold_triplex) == 32);
+RIG_ASSERT(offsetof(struct rig_signal_config, reserved_0) == 24);
+RIG_ASSERT(offsetof(struct rig_signal_config, reserved_1) == 32);
 RIG_ASSERT(offsetof(struct rig_signal_config, filter_gain) == 40);
 RIG_ASSERT(offsetof(struct rig_signal_config, reference_threshold) == 48);
 RIG_ASSERT(offsetof(struct rig_signal_config, reference_airspeed_m_s) == 56);
@@ -292,16 +292,16 @@ RIG_ASSERT(offsetof(struct rig_discrete_config, readmit_frames) == 24);
 
 /* slow-fault rules of a signal: limits and durations; 0 switches a rule off */
 struct rig_slow_faults_config {
-    double equalise_bound;
-    double equalise_gain;
+    double reserved_2;
+    double reserved_3;
     double slow_allowance;
     double slow_limit;
     int64_t stale_frames;
 };
 
 RIG_ASSERT(sizeof(struct rig_slow_faults_config) == 40);
-RIG_ASSERT(offsetof(struct rig_slow_faults_config, equalise_bound) == 0);
-RIG_ASSERT(offsetof(struct rig_slow_faults_config, equalise_gain) == 8);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, reserved_2) == 0);
+RIG_ASSERT(offsetof(struct rig_slow_faults_config, reserved_3) == 8);
 RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_allowance) == 16);
 RIG_ASSERT(offsetof(struct rig_slow_faults_config, slow_limit) == 24);
 RIG_ASSERT(offsetof(struct rig_slow_faults_config, stale_frames) == 32);

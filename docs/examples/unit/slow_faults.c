@@ -1,7 +1,7 @@
-/* Slow faults: a bias that is learned, small deviations summed over seconds, samples that repeat.
+/* Slow faults: small deviations summed over seconds, samples that repeat.
  *
- * redundancy.md of that name.  The residual of a channel is its sample less the middle of those in use.  Nothing here
- * moves a vote: it changes who is compared with whom, and who is failed.
+ * docs/explanation/decisions.md of that name.  The residual of a channel is its sample less the middle of those in use.  Nothing
+ * here moves a vote: it changes who is compared, and who is failed.
  */
 #include <string.h>
 
@@ -17,16 +17,6 @@ void slow_open(const struct rig_config *config, int signal, struct slow_faults *
     l->last_reference = (double)NAN;
     for (int c = 0; c < RIG_CHANNELS; c++) {
         l->last_sample[c] = (double)NAN;
-    }
-}
-
-void slow_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
-{
-    for (int c = 0; c < RIG_CHANNELS; c++) {
-        if (failed[c] && !s->latches.failed[c]) {
-            s->slow_faults.bias[c] = 0.0;
-            s->slow_faults.learned[c] = 0;
-        }
     }
 }
 
@@ -96,48 +86,20 @@ bool slow_is_stale(int c, const struct slow_faults *l)
     return has(l->stale, c);
 }
 
-/* ---- Channel equalisation ---- */
+/* ---- Sums of small deviations ---- */
 
-bool slow_is_learned(const struct frame *f, const struct slow_faults *l)
+/* With slow-fault tests the median without biases; else the median, or of an even number the usable reference between the two in
+ * the middle, else the mean of those. */
+static double middle(const struct frame *f, struct signal *s)
 {
-    bool learned = true;
-    for (int i = 0; (i < f->n) && (l->set->equalise_bound > 0.0); i++) {
-        learned = learned && ((((double)l->learned[f->order[i]] + 0.5) * l->set->equalise_gain) >= 1.0);
+    if (tests_run(&s->slow_tests)) {
+        return tests_middle(f, &s->slow_tests);
     }
-    return learned;
-}
-
-/* The median, or of an even number the usable reference between the two in the middle, else the mean of those. */
-static double middle(const struct frame *f, const struct signal *s)
-{
     if (((f->n % 2) == 0) && s->reference_usable && !isnan(f->reference)) {
         return clamp(f->reference, f->low, f->high);
     }
     return mean(f->low, f->high, 0.5);
 }
-
-void slow_learn(const struct frame *f, struct signal *s)
-{
-    struct slow_faults *const l = &s->slow_faults;
-    const double bound = l->set->equalise_bound;
-    if ((bound <= 0.0) || (f->n < 2) || (s->pattern != RIG_PATTERN_NORMAL)) {
-        return;
-    }
-    const double m = middle(f, s);
-    for (int i = 0; i < f->n; i++) {
-        const int c = f->order[i];
-        if (!f->alone[c] && !f->blamed[c] && (s->latches.count[c] <= 0.0)) {
-            const double seen = (double)l->learned[c];
-            const double first = 1.0 / (seen + 1.0);
-            const bool begins = ((seen * l->set->equalise_gain) < 1.0) && (first > l->set->equalise_gain);
-            const double gain = begins ? first : l->set->equalise_gain;
-            l->bias[c] = clamp(l->bias[c] + (gain * ((f->x[c] - m) - l->bias[c])), -bound, bound);
-            l->learned[c]++;
-        }
-    }
-}
-
-/* ---- Sums of small deviations ---- */
 
 /* The next sum: what exceeds the allowance, `most` of it; what is no number begins it again. */
 static double sum(double last, double excess, double most)
@@ -162,7 +124,7 @@ static int watch(const struct frame *f, params *p, struct signal *s)
     int calm = 0;
     for (int i = 0; i < f->n; i++) {
         const int c = f->order[i];
-        const double residual = (f->x[c] - l->bias[c]) - m;
+        const double residual = (f->x[c] - s->slow_tests.bias[c]) - m;
         l->above[c] = sum(l->above[c], residual - l->set->slow_allowance, most);
         l->below[c] = sum(l->below[c], -residual - l->set->slow_allowance, most);
         const double reached = (l->below[c] > l->above[c]) ? l->below[c] : l->above[c];

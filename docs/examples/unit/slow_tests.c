@@ -51,8 +51,12 @@ void tests_readmit(const bool failed[RIG_CHANNELS], struct signal *s)
 
 /* ---- What a frame is measured by ---- */
 
-/* The median of the ranked samples without their biases, which it ranks again. */
-static double rank_without_bias(const struct frame *f, struct slow_tests *t)
+bool tests_run(const struct slow_tests *t)
+{
+    return t->set->slow_means > 0.0;
+}
+
+double tests_middle(const struct frame *f, struct slow_tests *t)
 {
     for (int i = 0; i < f->n; i++) {
         const int c = f->order[i];
@@ -206,10 +210,10 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
 {
     struct slow_tests *const t = &s->slow_tests;
     t->by = RIG_DECIDED_BY_NONE;
-    if ((t->set->slow_means <= 0.0) || (f->n < 2) || !s->split.whole) {
+    if (!tests_run(t) || (f->n < 2) || !s->split.whole) {
         return 0U;
     }
-    const double m = rank_without_bias(f, t);
+    const double m = tests_middle(f, t);
     if (!isfinite(m)) { /* differences near the largest number */
         return 0U;
     }

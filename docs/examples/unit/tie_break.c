@@ -39,7 +39,7 @@ static int by_reference(const struct frame *f)
     const double reference = f->seen_reference;
     const double above = f->y[f->by[f->n / 2]];
     const double below = f->y[f->by[(f->n - 1) / 2]];
-    if (isnan(reference) || (below > above)) { /* the halves are told apart by less than they are biased */
+    if (isnan(reference)) {
         return NO_ANSWER;
     }
     if (reference >= above) {
@@ -100,7 +100,7 @@ static void blame_all_but(int one, int other, struct frame *f)
     }
 }
 
-/* The plain mean of two values, whose ranks say a <= b but behind a filter or without biases. */
+/* The plain mean of two values, whose ranks say a <= b but behind a filter. */
 static double halfway(double a, double b)
 {
     return (a > b) ? mean(b, a, 0.5) : mean(a, b, 0.5);

@@ -21,7 +21,7 @@ class Param(NamedTuple):
     reserved: bool = False  # 0 in that record: a setting of an earlier version of the rig
 
 
-_RESERVED: Final = "0"
+_RESERVED: Final = "zero: a setting of an earlier version"
 PARAM_FIELDS: Final = (
     Param("threshold", "f8", "unit of the signal: two of four samples agree within it"),
     Param("threshold_triplex", "f8", "unit of the signal: two of three samples"),

@@ -78,7 +78,7 @@ def by_trend(track, p):
 @kernel
 def by_reference(high, low, reference, threshold):
     """Return who of the triplex {high, low, reference} is not its middle, or too far from it (section 7, figure 8)."""
-    if np.isnan(reference) or low > high:  # the halves are told apart by less than they are biased
+    if np.isnan(reference):
         return NO_ANSWER
     if reference >= high:
         return LOW_SIDE

@@ -32,8 +32,8 @@ def lasts(p):
 def middle(n, reference, p, st):
     """Return what the residuals of ``n`` ranked samples, n >= 1, are measured from.
 
-    With slow-fault tests it is the median of the samples without their biases; else that of the samples, or of an even
-    number the usable reference between the two middle ones.  reference : NaN where there is none
+    With slow-fault tests it is the median of the samples without their biases; without tests that of the samples, or of
+    an even number the usable reference between the two middle ones.  reference : NaN where there is none
     """
     if p["slow_means"] > 0.0:
         return rank_without_bias(n, st, st["tests"])

@@ -1,0 +1,47 @@
+"""Monitors in C with a defect of the sums beside the slow-fault tests, or of these tests."""
+
+from __future__ import annotations
+
+from unit_defects import Defect
+
+SUMS = [
+    Defect("sums with the biases that are learned", "(f->x[c] - s->slow_tests.bias[c]) - m;", "f->x[c] - m;"),
+    Defect(
+        "sums about the middle of the samples beside the tests",
+        "if (tests_run(&s->slow_tests)) {",
+        "if (tests_run(&s->slow_tests) && (f->n < 0)) {",
+    ),
+    Defect("a test told as the sums", "f->slow_by = s->slow_tests.by;", "f->slow_by = RIG_DECIDED_BY_SLOW;"),
+]
+OF_MEANS = [
+    Defect("limits of five standard deviations", "#define SIGMAS 6.0 ", "#define SIGMAS 5.0 "),
+    Defect(
+        "a burst counts in the noise in full",
+        "gain * (smaller(residual * residual, most) - t->whole[c])",
+        "gain * ((residual * residual) - t->whole[c])",
+    ),
+    Defect(
+        "a burst counts in the mean of squares in full",
+        "gain * (smaller(r * r, most) - t->square[c])",
+        "gain * ((r * r) - t->square[c])",
+    ),
+    Defect(
+        "the bound of a bias without the error of scale",
+        "((1.6 * t->set->slow_scale) * fabs(t->usual_middle))",
+        "((0.0 * t->set->slow_scale) * fabs(t->usual_middle))",
+    ),
+    Defect(
+        "no allowance for motion",
+        "const double r = copysign(larger(fabs(residual) - allowed, 0.0), residual);",
+        "const double r = residual - (0.0 * allowed);",
+    ),
+]
+OF_HALVES = [
+    Defect(
+        "of the last two the lower sample is the first half",
+        "(t->order[0] < t->order[1]) ? t->order[0] : t->order[1]",
+        "t->order[0]",
+    ),
+    Defect("halves of four in one way alone", "return 1U | (2U << way);", "return 1U | ((way < 0) ? 0U : 2U);"),
+]
+SLOW_DEFECTS = [*SUMS, *OF_MEANS, *OF_HALVES]
