@@ -6,6 +6,7 @@ import errno
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +164,20 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
     "no frames": (None, {}, ["--persistence", "8,0"], "--persistence: must be whole numbers from 1 to 10000"),
     "a level of one": (None, {}, ["--levels", "4,1"], "--levels: must be whole numbers from 2 to 4"),
     "a filter of words": (None, {}, ["--filter", "long"], "--filter: must be seconds from 0 to 1000"),
+    "a rule that is gone": (
+        None,
+        {},
+        ["--slow-faults", "bias,slow"],
+        "--slow-faults: the rule bias is gone: --slow-tests learns the biases of channels",
+    ),
+    "an unknown rule": (None, {}, ["--slow-faults", "sums"], "--slow-faults: must be none, or of slow, stale, got"),
+    "nothing to design": (
+        None,
+        {},
+        ["--keep-thresholds", "--slow-faults", "none"],
+        "--keep-thresholds: nothing is left to design; add --slow-tests, or rules to --slow-faults",
+    ),
+    "nothing to keep": (None, {}, ["--keep-thresholds"], "signal.gyro: --keep-thresholds needs a threshold in CONFIG"),
     "a stretch without align": (None, {}, ["--align-to", "3"], "--align-to, --align-matrix: need --align"),
     "channels that are one": (_same_channels, {}, [], "gyro: the channels do not differ in 0.0167 h"),
     "a fault everywhere": (_all_faulty, {}, [], "gyro: a channel stands out in every flight"),
@@ -238,40 +253,54 @@ def test_the_tables_of_a_scenario_fly(tmp_path: Path):
     assert flown.reference_threshold == given["pitch_rate"].threshold
 
 
-@pytest.mark.parametrize(
-    ("limit", "written"),
-    [
-        (9.0, {"outlier_threshold": 2.0, "outlier_threshold_triplex": 3.0}),
-        (2.5, {"outlier_threshold": 2.0, "outlier_threshold_triplex": 3.0, "threshold_triplex": 3.0}),
-        (1.5, {"outlier_threshold": 2.0, "outlier_threshold_triplex": 3.0, "threshold": 2.0, "threshold_triplex": 3.0}),
-    ],
-)
-def test_outlier_thresholds_stand_beside_those_that_there_are(limit: float, written: dict[str, float]):
-    """A threshold that is below its design is replaced, as outliers cannot be allowed more than it."""
-    config(default={"threshold": limit})
+KEPT = replace(DESIGN, kept=True, slow_faults={"slow_limit": 3.0, "slow_allowance": 0.1, "stale_frames": 12})
+
+
+def test_thresholds_that_are_kept_stay_as_they_were_written():
+    config(default={"threshold": 9.0, "persistence_s": 0.055, "slow_limit": 1.0, "slow_allowance": 0.5})
     using, raw = start(Path("c.toml"))
-    text = recorded_toml(raw, {"a": DESIGN}, using.signals(["a"], ""), 100.0, {"a"}, [], outlier=True)
+    tests = {"a": {"factor": 1.5}}
+    text = recorded_toml(raw, {"a": KEPT}, using.signals(["a"], ""), 100.0, {"a"}, [], tests)
     Path("o.toml").write_text(text)
-    table = read_toml(Path("o.toml"))["signal"]["a"]
-    assert {key: value for key, value in table.items() if "threshold" in key} == written
-    read_config(Path("o.toml")).signals(["a"], "o.toml")  # is accepted
+    written = read_toml(Path("o.toml"))
+    assert written["default"] == {"threshold": 9.0, "persistence_s": 0.055}
+    new = {"slow_limit": 3.0, "slow_allowance": 0.1, "stale_frames": 12}
+    assert written["signal"]["a"] == {**new, "slow_tests": tests["a"]}
 
 
-def test_outlier_thresholds_need_one_to_stand_beside():
-    config(default={"fade_s": 0.1})
-    using, raw = start(Path("c.toml"))
-    with pytest.raises(BadInput, match=r"signal\.a: --outlier needs a threshold in CONFIG"):
-        recorded_toml(raw, {"a": DESIGN}, using.signals(["a"], ""), 100.0, (), [], outlier=True)
-
-
-def test_a_design_in_place_of_outlier_thresholds_asks_no_more_of_them():
+def test_of_a_scenario_too_and_nothing_of_its_reference_is_written():
     from rig.scenario.scenario import load
 
     given = {"pitch_rate": load(None).redundancy.signals.pitch_rate}
-    assert given["pitch_rate"].outlier_threshold is not None
-    Path("o.toml").write_text(scenario_toml({"pitch_rate": DESIGN}, given, []))
+    Path("o.toml").write_text(scenario_toml({"pitch_rate": KEPT}, given, []))
     table = read_toml(Path("o.toml"))["redundancy"]["signals"]["pitch_rate"]
-    assert (table["outlier_threshold"], table["outlier_threshold_triplex"]) == (2.0, 3.0)
+    assert table == {"slow_limit": 3.0, "slow_allowance": 0.1, "stale_frames": 12}
+
+
+def test_a_threshold_that_is_kept_must_be_there():
+    config(default={"fade_s": 0.1})
+    using, raw = start(Path("c.toml"))
+    with pytest.raises(BadInput, match=r"signal\.a: --keep-thresholds needs a threshold in CONFIG"):
+        recorded_toml(raw, {"a": KEPT}, using.signals(["a"], ""), 100.0, (), [])
+
+
+@pytest.mark.parametrize("rules", ["slow,stale", "none"])
+def test_the_command_keeps_thresholds_and_designs_the_rest(rules: str, rig_command: Command):
+    record("data", 10)
+    figures = {"noise_std": 1.0, "bias_tolerance": 0.5}
+    config(default={"threshold": 6.0, "persistence": 10, "slow_tests": figures})
+    wanted = ["data", "--config", "c.toml", "--budget", "20", "--out", "o.toml", "--levels", "4", "--keep-thresholds"]
+    wanted += ["--slow-faults", rules, "--slow-tests", "--plot", "p.html"]
+    code, out, err = rig_command("thresholds", *wanted, "--json")
+    assert code == 0, err
+    found, written = json.loads(out)["signals"]["gyro"], read_toml(Path("o.toml"))
+    assert written["default"] == {"threshold": 6.0, "persistence": 10, "slow_tests": figures}
+    assert found["slow_tests"]["keys"]["factor"] == written["signal"]["gyro"]["slow_tests"]["factor"]
+    assert found["designs"][0]["kept"] and found["designs"][0]["levels"]["4"]["threshold"] == 6.0
+    assert ("stale_frames" in written["signal"]["gyro"]) == (rules != "none")
+    assert read_config(Path("o.toml")).signals(["gyro"], "o.toml")["gyro"].threshold == 6.0
+    assert "Thresholds, persistence and filter are kept." in Path("o.toml").read_text()
+    assert rig_command("thresholds", *wanted)[0] == 0
 
 
 def test_the_matrix_of_a_triad_is_taken_off_before_the_design():

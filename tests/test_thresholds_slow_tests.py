@@ -308,7 +308,7 @@ def test_logs_of_ours_take_the_figures_of_their_sensors(
     monkeypatch.chdir(tmp_path)
     for seed in range(2):
         fly(None, overrides=["faults=[]", "duration_s=20.0", f"seed={seed}"], out=Path("logs"))
-    options = ["logs", "--out", "o.toml", *QUICK, "--outlier", "--slow-tests", "--json"]
+    options = ["logs", "--out", "o.toml", *QUICK, "--keep-thresholds", "--slow-tests", "--json"]
     code, out, err = rig_command("thresholds", *options)
     assert code == 0, err
     found, written = json.loads(out)["signals"], read_toml(Path("o.toml"))["redundancy"]["signals"]

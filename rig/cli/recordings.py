@@ -122,9 +122,7 @@ class ThresholdsOptions:
     persistence: Annotated[str, opt("N,N...", "Persistences to try, frames.")] = "8,12,24,48"
     levels: Annotated[str, opt("N,N...", "Numbers of channels in use to design for.")] = "4,3,2"
     filters: Annotated[str, opt("S,S...", "Low-pass time constants of the comparison to try, s.", "--filter")] = "0,0.1"
-    slow_faults: Annotated[str, opt("RULE,RULE...", "Slow-fault rules to try: bias, slow, stale, or none.")] = (
-        "bias,slow,stale"
-    )
+    slow_faults: Annotated[str, opt("RULE,RULE...", "Slow-fault rules to try: slow, stale, or none.")] = "slow,stale"
     slow_tests: Annotated[
         bool, flag("--slow-tests", "Also design the slow-fault tests; CONFIG states the noise of a sample.")
     ] = False
@@ -135,8 +133,9 @@ class ThresholdsOptions:
         bool,
         flag("--transients", "Keep thresholds above single-frame noise, so that short transients isolate no channel."),
     ] = False
-    outlier: Annotated[
-        bool, flag("--outlier", "Write the isolation threshold (outlier_threshold), keep the error limit.")
+    keep_thresholds: Annotated[
+        bool,
+        flag("--keep-thresholds", "Keep thresholds, persistence and filter as given; design only the rest."),
     ] = False
     monitored: Annotated[
         list[Path] | None,
@@ -170,12 +169,12 @@ def _grid(options: ThresholdsOptions) -> Grid:
         raise BadInput(f"--budget: must be {LEAST_BUDGET:g} or more false isolations per hour, got {options.budget}")
     frames = whole_numbers("--persistence", options.persistence, 1, MOST_FRAMES)
     counts = whole_numbers("--levels", options.levels, 2, 4)
-    rules = (
-        () if options.outlier else _rules(options.slow_faults)
-    )  # beside thresholds that are kept: one kind of design
+    rules, kept = _rules(options.slow_faults), options.keep_thresholds
+    if kept and not (rules or options.slow_tests):
+        raise BadInput("--keep-thresholds: nothing is left to design; add --slow-tests, or rules to --slow-faults")
     allowed = f"seconds from 0 to {MOST_S:.0f}"
     filters = comma_list("--filter", options.filters, allowed, float, lambda value: 0.0 <= value <= MOST_S)
-    return Grid(options.budget, frames, counts, sorted(set(filters)), options.seed, rules, options.transients)
+    return Grid(options.budget, frames, counts, sorted(set(filters)), options.seed, rules, options.transients, kept)
 
 
 def _rules(text: str) -> list[Any]:
@@ -185,6 +184,8 @@ def _rules(text: str) -> list[Any]:
     if text.strip() == "none":
         return []
     named = {name.strip() for name in text.split(",")}
+    if "bias" in named:
+        raise BadInput("--slow-faults: the rule bias is gone: --slow-tests learns the biases of channels")
     if unknown := sorted(named.difference(RULES)):
         raise BadInput(f"--slow-faults: must be none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
     return [rule for rule in RULES if rule in named]
@@ -219,8 +220,8 @@ def _show(summary: dict[str, Any]) -> None:
 
 def _chosen(signal: dict[str, Any], design: dict[str, Any]) -> str:
     chosen = signal["chosen"]
-    keys = ("persistence", "filter_s", "equalise_bound", "slow_limit")
-    same = chosen and all(chosen.get(key) == design[key] for key in keys)
+    keys = ("slow_limit",) if design["kept"] else ("persistence", "filter_s", "slow_limit")
+    same = chosen is not None and all(chosen.get(key) == design[key] for key in keys)
     return ">" if same else ""
 
 
@@ -230,8 +231,7 @@ def _level_rows(signal: dict[str, Any]) -> list[dict[str, Any]]:
     for design in signal["designs"]:
         mark = "*" if design["extrapolation"] > _MARKED else ""
         once = {**design, "chosen": _chosen(signal, design), "beyond": f"{design['extrapolation']:.3g}{mark}"}
-        levels = {**design["levels"], **{f"{level}, outlier": of for level, of in design["outlier_levels"].items()}}
-        for i, (level, of) in enumerate(levels.items()):
+        for i, (level, of) in enumerate(design["levels"].items()):
             threshold = f"{of['upper']:.4g}{mark}"
             rows.append({**of, "level": level, "threshold": threshold, "design": {} if i else once})
     return rows
@@ -244,7 +244,7 @@ def _of_design(title: str, key: str, format: str = "", unit: str = "", worth: in
 
 _LEVELS: Final = (
     *(_of_design("", "chosen"), _of_design("filter", "filter_s", "g", "s"), _of_design("frames", "persistence")),
-    *(_of_design("bias", "equalise_bound", ".3g", worth=8), _of_design("sum", "slow_limit", ".3g", worth=8)),
+    _of_design("sum", "slow_limit", ".3g", worth=8),
     *(Column("in use", "level"), Column("threshold"), Column("point", format=".4g")),
     *(Column("clusters", worth=6), Column("shape", format=".2f", worth=5)),
     _of_design("extrapolation", "beyond", worth=7),
@@ -273,7 +273,7 @@ def _tradeoffs(signals: dict[str, Any]) -> None:
     faults = (Column(kind, lambda row, kind=kind: _right(row["faults"][kind]), worth=5) for kind in rows[-1]["faults"])
     shown = (
         *(Column("", "chosen"), Column("signal"), Column("filter", "filter_s", "g", "s")),
-        *(Column("frames", "persistence"), Column("bias", "equalise_bound", ".3g"), Column("sum", "slow_limit", ".3g")),
+        *(Column("frames", "persistence"), Column("sum", "slow_limit", ".3g")),
         *(Column("stale", "stale_frames", worth=8), Column("smallest offset", format=".3g", empty="none")),
         Column("delay at 2 T", "at_twice_the_threshold.delay_s", ".3g", "s", "none", worth=7),
         *(*faults, Column("share", "correctly_isolated", ".3f")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any, Final
 
-from rig.core.renamed import COMMANDS, OPTIONS, now_called
+from rig.core.renamed import COMMANDS, OPTIONS, is_gone, now_called
 from rig.core.text import must_be, shorten
 
 MOST_OF_A_WORD: Final = 400  # characters of a wrong command line that are repeated
@@ -46,11 +46,12 @@ def _said(error: Any) -> str:
 
 
 def _renamed(error: Any) -> str:
-    """Return the line on the present name of a renamed command or option; "" if the error is another."""
+    """Return the line on a renamed command or option, or on an option that is gone; "" if the error is another."""
     unknown, context = _UNKNOWN_COMMAND.match(error.format_message()), error.ctx
     group = f"rig {context.info_name}" if context and context.parent else "rig"
     command, option = f"{group} {unknown[1]}" if unknown else "", getattr(error, "option_name", "")
     for old, names in ((command, COMMANDS), (option, OPTIONS)):
         if old in names:
             return now_called(old, names[old])
-    return ""
+    gone = is_gone(option)
+    return f"{option} {gone}" if gone else ""

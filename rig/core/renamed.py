@@ -52,6 +52,8 @@ COMMANDS: Final = {
     "rig reliability margin": "rig reliability false-isolations",
 }
 OPTIONS: Final = {"--lasting": "--slow-faults", "--no-twin": "--no-baseline", "--seam": "--interface"}
+# Options that are gone, and what stands in their place.
+GONE_OPTIONS: Final = {"--outlier": "--slow-tests designs what finds small faults; --keep-thresholds keeps thresholds"}
 # Attributes of ``rig.log.Log``.
 ATTRIBUTES: Final = {"lanes": "parts"}
 # Of a log: its topics, whose names columns begin with, its messages, enums, and what names of fields begin with.
@@ -128,8 +130,9 @@ def now_called(old: str, new: str) -> str:
 
 
 def is_gone(key: str) -> str:
-    """Return the line on a setting that is gone, to follow its key; "" for another."""
-    return f"is gone: {GONE[key]}" if key in GONE else ""
+    """Return the line on a setting or option that is gone, to follow its name; "" for another."""
+    instead = GONE.get(key) or GONE_OPTIONS.get(key)
+    return f"is gone: {instead}" if instead else ""
 
 
 def field_now(name: str) -> str:

@@ -25,7 +25,6 @@ _TINY: Final = 1e-300
 _LEAST: Final = 0.05  # of the effect of errors: smaller noise does not decide where windows begin
 # Key of the threshold by fitted channels.
 THRESHOLDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}
-OUTLIERS: Final = {4: "outlier_threshold", 3: "outlier_threshold_triplex"}
 
 
 class Bench:
@@ -53,18 +52,12 @@ class Bench:
 
     @property
     def threshold(self) -> float:
-        """Return the threshold that compares the fitted channels: the isolation threshold if the signal has one."""
-        outlier = OUTLIERS.get(self.channels)
-        return float((outlier and self.params[outlier]) or self.params[THRESHOLDS[self.channels]])
+        """Return the threshold that compares the fitted channels."""
+        return float(self.params[THRESHOLDS[self.channels]])
 
     def sets(self, threshold: float) -> list[str]:
         """Return overrides of the scenario that set another threshold of the comparison."""
-        within, outlier = THRESHOLDS[self.channels], OUTLIERS.get(self.channels)
-        key = f"redundancy.signals.{self.signal}"
-        if not outlier or not self.params[outlier]:
-            return [f"{key}.{within}={threshold!r}"]
-        wider = [f"{key}.{within}={threshold!r}"] if threshold > self.params[within] else []
-        return [*wider, f"{key}.{outlier}={threshold!r}"]
+        return [f"redundancy.signals.{self.signal}.{THRESHOLDS[self.channels]}={threshold!r}"]
 
     @property
     def channels(self) -> int:

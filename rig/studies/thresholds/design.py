@@ -18,21 +18,13 @@ from rig.core.threads import heed
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.distances import DUPLEX, exceeded_each, in_use, near_first, nearest
 from rig.studies.thresholds.pieces import low_passed
-from rig.studies.thresholds.slow_fault_limits import (
-    ALLOWANCES,
-    OFF,
-    Rule,
-    alarms,
-    equalise_bound,
-    residuals,
-    stale_frames,
-    unbiased,
-)
+from rig.studies.thresholds.residual_series import Residuals, series
+from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, OFF, Rule, alarms, stale_frames
 from rig.studies.thresholds.tail import LEAST, Peaks, Tail, draws, fitted, peaks, point, upper
 
 Floats = NDArray[np.float64]
-BESIDE: Final = 1e-4  # of healthy frames beyond an isolation threshold: one beside a transient makes it last longer
-EXACT: Final = ("equalise_s", "stale_frames")  # keys that are not rounded
+BESIDE: Final = 1e-4  # of healthy frames beyond a threshold: one beside a transient makes it last longer
+EXACT: Final = "stale_frames"  # the key that is not rounded
 FIELDS: Final = {4: "threshold", 3: "threshold_triplex", 2: "threshold_duplex"}  # by channels in use
 
 
@@ -56,41 +48,32 @@ class Design:
     persistence: int
     in_split: int
     thresholds: dict[int, Threshold]
-    outliers: dict[int, Threshold] = field(default_factory=dict)  # behind a channel equalisation, below ``thresholds``
     slow_faults: dict[str, float | None] = field(default_factory=dict)  # keys of what was asked for; falsy: off
     spreads: float = 0.0  # limit of the sums, spreads times frames
+    kept: bool = False  # thresholds, persistence and filter are those that were given
 
     @property
     def threshold(self) -> Threshold:
         """Return the threshold with all channels in use."""
         return self.thresholds[max(self.thresholds)]
 
-    @property
-    def lasts(self) -> bool:
-        """Return True if the design has channel equalisation or a CUSUM of small deviations."""
-        return bool(self.outliers) or self.spreads > 0.0
-
-    @property
-    def single(self) -> Threshold:
-        """Return the threshold that isolates one of all channels: behind an equalisation, the isolation threshold."""
-        return self.outliers.get(max(self.thresholds), self.threshold)
-
     def settings(self, given: RecordedSignal) -> RecordedSignal:
         """Return the settings of a signal with this design."""
-        none = ("persistence_s", "split_persistence_s", "outlier_threshold", "outlier_threshold_triplex")
+        none = () if self.kept else ("persistence_s", "split_persistence_s")
         return given.model_copy(update={**dict.fromkeys(none), **self.slow_faults, **self.keys()})
 
     def keys(self) -> dict[str, float | int]:
         """Return the keys of this design for a table of CONFIG; a level without a design takes the level above."""
-        largest = max(self.thresholds)
+        slow_faults = {
+            key: value if key == EXACT else rounded_up(value) for key, value in self.slow_faults.items() if value
+        }
+        if self.kept:
+            return slow_faults
         of_level = {FIELDS[level]: rounded_up(threshold.upper) for level, threshold in self.thresholds.items()}
-        of_level["threshold"] = rounded_up(self.thresholds[largest].upper)
-        for level, threshold in self.outliers.items():
-            name = FIELDS[level]
-            of_level[f"outlier_{name}"] = min(rounded_up(threshold.upper), of_level.get(name, of_level["threshold"]))
         return {
             **of_level,
-            **{key: value if key in EXACT else rounded_up(value) for key, value in self.slow_faults.items() if value},
+            "threshold": rounded_up(self.threshold.upper),
+            **slow_faults,
             "persistence": self.persistence,
             "split_persistence": self.in_split,
             "filter_s": self.filter_s,
@@ -107,7 +90,8 @@ class Grid:
     filters_s: Sequence[float] = (0.0, 0.1)
     seed: int = 0
     slow_faults: Sequence[Rule] = ()
-    transients: bool = False  # no threshold within the noise of single frames, as no isolation threshold ever is
+    transients: bool = False  # no threshold within the noise of single frames
+    kept: bool = False  # thresholds, persistence and filter that are given stay; only the rest is designed
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,17 +114,30 @@ def designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, num
 
     number : of the signal, for its random stream
     """
-    made = list(_designs(flights, given, grid, number))
+    made = [_kept(flights, given, grid)] if grid.kept else list(_designs(flights, given, grid, number))
     off = {key: value for rule in grid.slow_faults for key, value in OFF[rule].items()}
     if "stale" in grid.slow_faults and made:
         off["stale_frames"] = stale_frames([flight.samples for flight in flights], flights[0].rate_hz)
     return [replace(design, slow_faults={**off, **design.slow_faults}) for design in made]
 
 
+def _kept(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid) -> Design:
+    """Return the thresholds that are given as a design."""
+    fitted, rate_hz = len(flights[0].samples), flights[0].rate_hz
+    of_level = {4: given.threshold, 3: given.threshold_triplex, 2: given.threshold_duplex}
+    thresholds = {
+        level: Threshold(level, within := of_level[level] or given.threshold, within, 0, 0.0)
+        for level in (4, 3, 2)
+        if level == fitted or (level < fitted and level in grid.levels)
+    }
+    persistence = in_frames(given.persistence, given.persistence_s, rate_hz)
+    in_split = in_frames(given.split_persistence, given.split_persistence_s, rate_hz)
+    return Design(given.filter_s, persistence, in_split, thresholds, kept=True)
+
+
 def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> Iterator[Design]:
     fitted = len(flights[0].samples)
     levels = sorted({fitted, *(level for level in grid.levels if level < fitted)}, reverse=True)
-    bound = _bound(flights, given, grid, number)
     frames = [(count, _split(given, count, flights[0].rate_hz)) for count in grid.persistence]
     for f, filter_s in enumerate(grid.filters_s):
         filtered = given.model_copy(update={"filter_s": filter_s})
@@ -161,62 +158,8 @@ def _designs(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, nu
                 for level in levels
                 if (threshold := by_level[level][i]) is not None
             }
-            if fitted not in thresholds:
-                continue
-            plain = Design(filter_s, persistence, in_split, thresholds)
-            yield plain
-            if bound > 0.0 and (biased := _biased(flights, seen, plain, filtered, bound, (grid, number, f))):
-                yield biased
-
-
-def _bound(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int) -> float:
-    """Return the bound of channel equalisation from the data, 0 if not asked for."""
-    if "bias" not in grid.slow_faults:
-        return 0.0
-    stream = np.random.SeedSequence(grid.seed, spawn_key=(number, 0, 0, 1))
-    means = residuals([flight.samples for flight in flights], given.wraps).means
-    hours = [flight.hours for flight in flights]
-    return equalise_bound(means, hours, grid.budget_per_h, np.random.default_rng(stream))
-
-
-def _biased(
-    flights: Sequence[DataBlock],
-    seen: Sequence[Floats],
-    plain: Design,
-    given: RecordedSignal,
-    bound: float,
-    asked: tuple[Grid, int, int],
-) -> Design | None:
-    """Return ``plain`` with channel equalisation and its isolation thresholds; None if they are not lower.
-
-    A channel with a bias beyond the bound would be an outlier for a whole flight, so no bias is cut.  No threshold is
-    below the bound: an error that a bias hides stays within the difference that two samples may have.  No isolation
-    threshold is within single-frame noise: a transient of persistence - 1 frames beside a noisy one would isolate a
-    channel.
-    """
-    bound = rounded_up(bound)
-    learning = given.model_copy(update={"equalise_bound": bound})
-    frames, outliers = [(plain.persistence, plain.in_split)], {}
-    for level, before in plain.thresholds.items():
-        if level == DUPLEX:
-            continue
-
-        def compared(channels: tuple[int, ...]) -> list[Floats]:
-            chosen = list(channels)
-            pairs = zip(flights, seen, strict=True)
-            return [unbiased(flight.samples[chosen], x[chosen], learning, flight.rate_hz) for flight, x in pairs]
-
-        (outlier,) = _at_level(flights, compared, given.wraps, frames, level, asked)
-        least = of_one_frame(compared, given.wraps, len(flights[0].samples), level)
-        if outlier is not None and max(outlier.upper, least) < before.upper:
-            outliers[level] = _at_least(least, outlier)
-    slow_faults = {"equalise_bound": bound, "equalise_s": given.equalise_s}
-    if max(plain.thresholds) not in outliers:
-        return None
-    thresholds = {
-        level: replace(threshold, upper=max(threshold.upper, bound)) for level, threshold in plain.thresholds.items()
-    }
-    return replace(plain, thresholds=thresholds, outliers=outliers, slow_faults=slow_faults)
+            if fitted in thresholds:
+                yield Design(filter_s, persistence, in_split, thresholds)
 
 
 def _at_least(least: float, threshold: Threshold) -> Threshold:
@@ -236,31 +179,42 @@ def of_one_frame(compared: Callable[[tuple[int, ...]], list[Floats]], wraps: boo
 
 
 def with_sums(
-    flights: Sequence[DataBlock], given: RecordedSignal, design: Design, spreads: float, grid: Grid, number: int = 0
-) -> Design | None:
-    """Return ``design`` with a CUSUM limit of ``spreads`` times frames; None if the data have too few events.
+    flights: Sequence[DataBlock],
+    given: RecordedSignal,
+    design: Design,
+    found: Residuals,
+    limits: Sequence[float],
+    grid: Grid,
+    number: int = 0,
+) -> list[Design]:
+    """Return ``design`` with each CUSUM limit, spreads times frames, for which the data have enough events.
 
     The allowance is the largest that a level needs, for the whole rate.
+    given : with the slow-fault tests, if the sums will add up their residuals; found : residuals of all channels
     """
-    spread, rate_hz = residuals([flight.samples for flight in flights], given.wraps).spread, flights[0].rate_hz
-    asked = {"slow_limit": rounded_up(spreads * spread / rate_hz), "slow_allowance": spread}
-    settings, allowances = design.settings(given).model_copy(update=asked), ALLOWANCES * spread
-    thresholds: list[Threshold | None] = []
+    rate_hz, allowances = flights[0].rate_hz, ALLOWANCES * found.spread
+    asked = {spreads: rounded_up(spreads * found.spread / rate_hz) for spreads in limits}
+    uppers: dict[float, list[float]] = {spreads: [] for spreads in limits}
     for level in (level for level in design.thresholds if level > DUPLEX):
-        largest: list[Threshold | None] = []
         for choice, channels in enumerate(in_use(len(flights[0].samples), level)):
-            series = [alarms(flight.samples[list(channels)], settings, rate_hz, allowances) for flight in flights]
-            tail = peaks(series, [flight.rate_hz for flight in flights], grid.budget_per_h)
-            stream = np.random.SeedSequence(grid.seed, spawn_key=(number, int(spreads), 1, level, choice))
-            few = tail.clusters < LEAST
-            rng = np.random.default_rng(stream)
-            largest.append(None if few else from_tail(tail, grid.budget_per_h, level, rng))
-        thresholds += largest
-    uppers = [0.0 if threshold is None else threshold.upper for threshold in thresholds]
-    if not uppers or min(uppers) <= 0.0:
-        return None
-    asked["slow_allowance"] = max(uppers)
-    return replace(design, slow_faults={**design.slow_faults, **asked}, spreads=spreads)
+            rows = [series((each.samples[list(channels)], each.reference), given, rate_hz) for each in flights]
+            for spreads, limit in asked.items():
+                told = design.settings(given).model_copy(update={"slow_limit": limit})
+                series_of = [alarms(row, told, rate_hz, allowances) for row in rows]
+                tail = peaks(series_of, [rate_hz] * len(rows), grid.budget_per_h)
+                stream = np.random.SeedSequence(grid.seed, spawn_key=(number, int(spreads), 1, level, choice))
+                few = tail.clusters < LEAST
+                rng = np.random.default_rng(stream)
+                uppers[spreads].append(0.0 if few else from_tail(tail, grid.budget_per_h, level, rng).upper)
+    return [
+        replace(
+            design,
+            slow_faults={**design.slow_faults, "slow_limit": asked[spreads], "slow_allowance": max(of_limit)},
+            spreads=spreads,
+        )
+        for spreads, of_limit in uppers.items()
+        if of_limit and min(of_limit) > 0.0
+    ]
 
 
 def _split(given: RecordedSignal, frames: int, rate_hz: float) -> int:

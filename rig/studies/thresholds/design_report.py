@@ -14,7 +14,7 @@ from rig.studies.thresholds.slow_test_delays import DRIFT, OFFSETS
 from rig.studies.thresholds.slow_test_factors import SlowDesign
 from rig.studies.thresholds.tradeoff import Tradeoff
 
-SLOW_FAULTS: Final = ("equalise_bound", "equalise_s", "slow_allowance", "slow_limit", "stale_frames")  # None: off
+SLOW_FAULTS: Final = ("slow_allowance", "slow_limit", "stale_frames")  # None: off
 
 
 def summary(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> dict[str, Any]:
@@ -85,21 +85,18 @@ def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
 
 def _design(design: Design, budget_per_h: float, hours: float) -> dict[str, Any]:
     fields, keys = ("upper", "point", "clusters", "shape"), design.keys()
-    levels, outliers = (
-        {
-            str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
-            for level, of in thresholds.items()
-        }
-        for thresholds in (design.thresholds, design.outliers)
-    )
+    levels = {
+        str(level): {"threshold": rounded_up(of.upper), **{name: getattr(of, name) for name in fields}}
+        for level, of in design.thresholds.items()
+    }
     return {
         "filter_s": design.filter_s,
         "persistence": design.persistence,
         "split_persistence": design.in_split,
+        "kept": design.kept,
         **{key: keys.get(key) for key in SLOW_FAULTS},
         "extrapolation": extrapolation(budget_per_h, hours),
         "levels": levels,
-        "outlier_levels": outliers,
     }
 
 
@@ -121,7 +118,7 @@ def remarks(data: Data, grid: Grid, signals: Mapping[str, Signal]) -> list[str]:
     lines = [
         f"Thresholds by rig thresholds: {grid.budget_per_h:g} false isolations an hour and signal, "
         f"from {data.hours:.4g} h in {len(data.names)} recordings (docs/explanation/thresholds.md).",
-        f"Persistence and filter: {RULE}.",
+        "Thresholds, persistence and filter are kept." if grid.kept else f"Persistence and filter: {RULE}.",
         f"Valid only for data no more dynamic than the design data ({100 * SHARE:g} % of the rows):",
     ]
     for name, signal in signals.items():

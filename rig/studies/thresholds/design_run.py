@@ -18,7 +18,7 @@ from rig.studies.thresholds.data import Data, load, of_preset, of_scenario, reco
 from rig.studies.thresholds.data_check import beyond, envelope
 from rig.studies.thresholds.design import Grid
 from rig.studies.thresholds.design_report import remarks, summary
-from rig.studies.thresholds.design_signals import Signal, Tests, design
+from rig.studies.thresholds.design_signals import Signal, design
 from rig.studies.thresholds.in_out import recorded_toml, scenario_toml, start
 
 
@@ -34,7 +34,6 @@ class Options:
     repair_time: bool
     align: AlignOptions | None
     keep: bool
-    outlier: bool
     monitored: list[Path]
     slow_tests: bool = False
 
@@ -51,7 +50,7 @@ def run(options: Options) -> dict[str, Any]:
         reading = (settings, str(options.config or options.inputs[0]), options.repair_time, options.align)
         data = load(options.inputs, *reading)
         read = perf_counter()
-        made = design(data, options.grid, options.keep, _tests(options))
+        made = design(data, options.grid, options.keep, options.slow_tests)
         signals = {name: each.in_unit() for name, each in made.items()}
         if options.monitored:
             _note_motion(data, signals, load(options.monitored, *reading))
@@ -59,14 +58,9 @@ def run(options: Options) -> dict[str, Any]:
         with reported(options.out):
             part.write_text(_toml(options, raw, data, signals), encoding="utf-8", newline="\n")
         if page is not None:
-            chosen = {name: each.single for name, signal in signals.items() if (each := signal.design) is not None}
+            chosen = {name: each.threshold for name, signal in signals.items() if (each := signal.design) is not None}
             thresholds_page.write(page, result, chosen)
     return {"out": str(options.out), **result, "seconds": {"read": read - began, "design": perf_counter() - read}}
-
-
-def _tests(options: Options) -> Tests:
-    """Return beside which threshold slow-fault tests are designed."""
-    return ("kept" if options.outlier else "designed") if options.slow_tests else "none"
 
 
 def _settings(options: Options) -> tuple[VoteConfig, dict[str, Any] | None]:
@@ -95,5 +89,5 @@ def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Map
     head = remarks(data, options.grid, signals)
     tests = {name: signal.slow_tests.keys for name, signal in signals.items() if signal.slow_tests is not None}
     if raw is None:
-        return scenario_toml(chosen, settings, head, options.outlier, tests)
-    return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, options.outlier, tests)
+        return scenario_toml(chosen, settings, head, tests)
+    return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, tests)

@@ -6,11 +6,11 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
-from rig.computer.redundancy.slow_tests_config import refusal
+from rig.computer.redundancy.slow_tests_config import SlowTests, refusal
 from rig.core.errors import BadInput
 from rig.core.progress import tell
 from rig.core.threads import cores, on_threads
@@ -20,20 +20,28 @@ from rig.studies.thresholds.data_check import Envelope, Suspect, envelope, suspe
 from rig.studies.thresholds.design import EXACT, DataBlock, Design, Grid, Threshold, designs, with_sums
 from rig.studies.thresholds.holdout import Count, holdout
 from rig.studies.thresholds.pieces import four, parameters
-from rig.studies.thresholds.slow_fault_limits import LIMITS, residuals
-from rig.studies.thresholds.slow_test_factors import SlowDesign, bare_tests, slow_design, watched
+from rig.studies.thresholds.residual_series import residuals
+from rig.studies.thresholds.slow_fault_limits import LIMITS
+from rig.studies.thresholds.slow_test_factors import (
+    FACTORS,
+    Measured,
+    SlowDesign,
+    bare_tests,
+    keys_of,
+    slow_design,
+    watched,
+)
 from rig.studies.thresholds.tail import CLUSTERS
 from rig.studies.thresholds.tradeoff import Pieces, Tradeoff, pieces, ranked, tradeoff
 
 RULE: Final = (
     "isolates most injected faults, and meets the rate on held-out flights; ties: shorter persistence, then shorter "
-    "filter, then fewer rules"
+    "filter, then no sums"
 )
 MARKED: Final = 100.0  # extrapolation from which a design is marked
 FEW: Final = 9  # flights below which budgets did not hold
 STRETCHES: Final = 16  # that a single flight is cut into
 _SHORTEST_S: Final = 10.0  # of a stretch
-Tests = Literal["none", "designed", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +84,8 @@ class Signal:
             replace(
                 design,
                 thresholds=in_unit(design.thresholds),
-                outliers=in_unit(design.outliers),
                 slow_faults={
-                    key: shown(value) if value and key not in EXACT else value
-                    for key, value in design.slow_faults.items()
+                    key: shown(value) if value and key != EXACT else value for key, value in design.slow_faults.items()
                 },
             )
             for design in self.designs
@@ -95,26 +101,18 @@ class Signal:
         return replace(self, settings=settings, motion=motion, designs=designs, found=tradeoffs, slow_tests=tests)
 
 
-def design(data: Data, grid: Grid, keep: bool = False, slow_tests: Tests = "none") -> dict[str, Signal]:
+def design(data: Data, grid: Grid, keep: bool = False, slow_tests: bool = False) -> dict[str, Signal]:
     """Design every signal. BadInput: no signal can be designed, or tests are asked for and no noise is stated.
 
-    keep : keep flights with a channel that stands out
-    slow_tests : also design the slow-fault tests, beside the threshold that is designed, or that is kept
+    keep : keep flights with a channel that stands out; slow_tests : also design the slow-fault tests
     """
-    if slow_tests != "none" and not data.slow_tests:
+    if slow_tests and not data.slow_tests:
         raise BadInput(
             f"--slow-tests: no signal states slow_tests.noise_std, the noise of a sample; give it in CONFIG for "
             f"{', '.join(data.signals)}"
         )
     names, signals = list(data.signals), dict[str, Signal]()
-
-    def made_of(name: str) -> Signal:
-        made = of_signal(name, data, grid, keep)
-        if slow_tests == "none" or (chosen := made.design) is None:
-            return made
-        return with_tests(name, made, data, made.settings if slow_tests == "kept" else chosen.settings(made.settings))
-
-    work = on_threads(names, made_of, cores())
+    work = on_threads(names, lambda name: of_signal(name, data, grid, keep, slow_tests), cores())
     with closing(work) as results:
         for name, made in zip(names, results, strict=True):
             signals[name] = made
@@ -124,8 +122,46 @@ def design(data: Data, grid: Grid, keep: bool = False, slow_tests: Tests = "none
     return signals
 
 
-def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
-    """Design one signal of the data."""
+def of_signal(name: str, data: Data, grid: Grid, keep: bool, slow_tests: bool = False) -> Signal:
+    """Design one signal of the data; slow_tests : also its slow-fault tests, if the data state the noise of a sample.
+
+    The tests are on in the trade-off and in the hold-out, and the sums add up their residuals.
+    """
+    figures = data.slow_tests.get(name) if slow_tests else None
+    made = _designed(name, data, grid, keep, figures)
+    if not slow_tests or (chosen := made.design) is None:
+        return made
+    if figures is None:
+        why = "no slow-fault tests: CONFIG states no slow_tests.noise_std, the noise of a sample"
+        return replace(made, notes=[*made.notes, f"{name}: {why}"])
+    settings = chosen.settings(made.settings)
+    if why := refusal(figures, settings.least_threshold, None):
+        without = _designed(name, data, grid, keep, None)
+        told = f"{name}: no slow-fault tests: {why.removeprefix('slow_tests: ')}"
+        return replace(without, notes=[*without.notes, told])
+    left_out = set() if keep else {suspect.flight for suspect in made.left_out}
+    flights = [flight for f, flight in enumerate(data.signals[name]) if f not in left_out]
+    measured, channels = _watched(flights, settings, figures, data.rate_hz), len(flights[0].samples)
+    tested = slow_design(measured, figures, (settings.threshold, channels), data.rate_hz)
+    return replace(made, notes=[*made.notes, *(f"{name}: {note}" for note in tested.notes)], slow_tests=tested)
+
+
+def _watched(
+    flights: Sequence[DataBlock], settings: RecordedSignal, figures: SlowTests, rate_hz: float
+) -> list[Measured]:
+    (params,) = parameters(settings, len(flights[0].samples), rate_hz)
+    tests = bare_tests(figures)
+    return [watched((four(flight.samples.T), flight.reference), params, tests) for flight in flights]
+
+
+def _factors(flights: list[DataBlock], given: RecordedSignal, figures: SlowTests) -> SlowTests:
+    """Return the tests with their factors, which no threshold changes, and without a reference."""
+    keys = keys_of(_watched(flights, given, figures, flights[0].rate_hz), given.threshold)
+    return figures.model_copy(update={name: keys[name] for name in FACTORS})
+
+
+def _designed(name: str, data: Data, grid: Grid, keep: bool, figures: SlowTests | None) -> Signal:
+    """Return the design of a signal beside slow-fault tests of a sensor with these ``figures``; None: without tests."""
     flights, given = data.signals[name], data.settings[name]
     suspected = [
         suspect
@@ -140,52 +176,33 @@ def of_signal(name: str, data: Data, grid: Grid, keep: bool) -> Signal:
         notes.append(_nothing_left(name, flights, suspected[0]))
         return Signal(given, 0, 0.0, suspected, motion, notes=notes)
     blocks = _blocks(name, used, notes)
-    number = zlib.crc32(name.encode())
-    made = designs(blocks, given, grid, number)
+    tested = given if figures is None else given.model_copy(update={"slow_tests": _factors(used, given, figures)})
+    made = designs(blocks, given, grid, zlib.crc32(name.encode()))
     if not made:
         notes.append(_nothing(name, used, hours, motion))
         return Signal(given, len(used), hours, suspected, motion, notes=notes)
     notes += _remarks(name, made, motion, grid.budget_per_h, hours)
-    cut = pieces(used)
+    cut = pieces(used, given=tested)
     if cut is None:
         notes.append(f"{name}: flights are too short for the trade-off; the shortest persistence is chosen")
         return Signal(given, len(used), hours, suspected, motion, made, [], 0, None, notes)
     size = max(motion.value, motion.noise)
-    tradeoffs = [tradeoff(cut, design, given, size) for design in made]
+    tradeoffs = [tradeoff(cut, design, tested, size) for design in made]
     tried: dict[int, dict[int, Count] | None] = {}
-    for i in _in_order(made, tradeoffs, lambda i: _summed(blocks, given, made[i], grid, number), cut, given, size):
-        tried[i] = holdout(blocks, given, grid, made[i])
+    summed = _sums(blocks, tested, grid, zlib.crc32(name.encode()))
+    for i in _in_order(made, tradeoffs, lambda i: summed(made[i]), cut, tested, size):
+        tried[i] = holdout(blocks, tested, grid, made[i])
         if not exceeds(tried[i]):
             break
     chosen = next((i for i in tried if not exceeds(tried[i])), None)
     if chosen is None:
-        chosen = next(i for i in tried if not made[i].lasts)
-        notes.append(f"{name}: every design exceeded the rate on held-out flights; record more flights")
+        chosen = next(i for i in tried if not made[i].spreads)
+        what = "the thresholds that are kept" if grid.kept else "every design"
+        notes.append(f"{name}: {what} exceeded the rate on held-out flights; record more flights")
     elif len(tried) > 1:
         what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that isolate{'s' * (len(tried) == 2)} more faults"
         notes.append(f"{name}: {what} rejected: exceeded the rate on held-out flights")
     return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, tried[chosen], notes)
-
-
-def with_tests(name: str, made: Signal, data: Data, settings: RecordedSignal) -> Signal:
-    """Return a signal, in SI units, with the design of its slow-fault tests, or with a note that there is none.
-
-    settings : those of the signal beside which the tests will run
-    """
-    given = data.slow_tests.get(name)
-    if given is None:
-        why = "no slow-fault tests: CONFIG states no slow_tests.noise_std, the noise of a sample"
-        return replace(made, notes=[*made.notes, f"{name}: {why}"])
-    if why := refusal(given, settings.least_threshold, None):
-        return replace(made, notes=[*made.notes, f"{name}: no slow-fault tests: {why.removeprefix('slow_tests: ')}"])
-    left_out = {suspect.flight for suspect in made.left_out} if made.flights < len(data.signals[name]) else set()
-    flights = [flight for f, flight in enumerate(data.signals[name]) if f not in left_out]
-    channels, tests = len(flights[0].samples), bare_tests(given)
-    (params,) = parameters(settings, channels, data.rate_hz)
-    measured = [watched((four(flight.samples.T), flight.reference), params, tests) for flight in flights]
-    tested = slow_design(measured, given, (settings.threshold, channels), data.rate_hz)
-    notes = [f"{name}: {note}" for note in tested.notes]
-    return replace(made, notes=[*made.notes, *notes], slow_tests=tested)
 
 
 def exceeds(held_out: dict[int, Count] | None) -> bool:
@@ -214,14 +231,17 @@ def _in_order(
         yield i
 
 
-def _summed(
-    flights: Sequence[DataBlock], given: RecordedSignal, design: Design, grid: Grid, number: int
-) -> list[Design]:
-    """Return ``design`` with each CUSUM limit, if noise exceeds the channels' mean differences over a flight."""
-    if "slow" not in grid.slow_faults or not residuals([flight.samples for flight in flights], given.wraps).noisy:
-        return []
-    summed = [with_sums(flights, given, design, spreads, grid, number) for spreads in LIMITS]
-    return [each for each in summed if each is not None]
+def _sums(
+    flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, number: int
+) -> Callable[[Design], list[Design]]:
+    """Return a function of a design: with each CUSUM limit, if noise exceeds the channels' mean residuals of a flight.
+
+    given : with the slow-fault tests, if there are some
+    """
+    if "slow" not in grid.slow_faults:
+        return lambda design: []
+    found = residuals([(flight.samples, flight.reference) for flight in flights], given, flights[0].rate_hz)
+    return lambda design: with_sums(flights, given, design, found, LIMITS, grid, number) if found.noisy else []
 
 
 def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[DataBlock]:
@@ -262,6 +282,8 @@ def _nothing(name: str, flights: Sequence[DataBlock], hours: float, motion: Enve
 def _remarks(name: str, made: Sequence[Design], motion: Envelope, budget_per_h: float, hours: float) -> list[str]:
     """List the limits of the data behind a design of this signal."""
     lines: list[str] = []
+    if made[0].kept:
+        return lines
     clusters = [threshold.clusters for design in made for threshold in design.thresholds.values()]
     few = min(clusters)
     if few < CLUSTERS:

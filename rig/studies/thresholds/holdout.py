@@ -16,6 +16,7 @@ from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.design import FIELDS, DataBlock, Design, Grid, designs, rounded_up, with_sums
 from rig.studies.thresholds.distances import in_use
 from rig.studies.thresholds.pieces import isolations
+from rig.studies.thresholds.residual_series import residuals
 from rig.studies.thresholds.tail import GAP_S
 
 OVER: Final = 0.0228  # chance of so many by luck from which a count is significantly over: two sigma
@@ -61,9 +62,11 @@ def _again(flights: Sequence[DataBlock], given: RecordedSignal, grid: Grid, chos
     made = designs(flights, given, grid)
     if not made:
         return None
-    again = next((design for design in made if bool(design.outliers) == bool(chosen.outliers)), made[0])
-    summed = with_sums(flights, given, again, chosen.spreads, grid) if chosen.spreads else None
-    return summed or again
+    if not chosen.spreads:
+        return made[0]
+    found = residuals([(flight.samples, flight.reference) for flight in flights], given, flights[0].rate_hz)
+    summed = with_sums(flights, given, made[0], found, (chosen.spreads,), grid)
+    return summed[0] if summed else made[0]
 
 
 def _sum(counts: Sequence[Count]) -> Count:

@@ -16,7 +16,7 @@ from rig.core.errors import BadInput
 from rig.core.settings import in_frames, read_toml
 from rig.core.text import plain
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
-from rig.studies.thresholds.design import FIELDS, Design
+from rig.studies.thresholds.design import Design
 from rig.studies.thresholds.slow_test_factors import DESIGNED
 
 PLACEHOLDER: Final = 1.0  # threshold of a CONFIG that names none: what is asked for is not needed to begin
@@ -39,7 +39,6 @@ def recorded_toml(
     rate_hz: float,
     referenced: Iterable[str],
     remarks: Iterable[str],
-    outlier: bool = False,
     slow_tests: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> str:
     """Return OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
@@ -48,21 +47,25 @@ def recorded_toml(
 
     Signals in ``referenced`` keep the threshold of their reference; its default is the threshold of the channels.
     """
-    tables, replaced = dict(raw), {"persistence_s", *(key for design in chosen.values() for key in design.slow_faults)}
+    kept = any(design.kept for design in chosen.values())
+    tables, replaced = dict(raw), {key for design in chosen.values() for key in design.slow_faults}
+    if not kept:
+        replaced.add("persistence_s")
     if (default := raw.get("default")) is not None:
-        tables["default"] = {k: v for k, v in _in_frames(default, rate_hz).items() if k not in replaced}
+        default = default if kept else _in_frames(default, rate_hz)
+        tables["default"] = {key: value for key, value in default.items() if key not in replaced}
     signals = {name: dict(table) for name, table in raw.get("signal", {}).items()}
     for name, design in chosen.items():
         own = {key: value for key, value in signals.get(name, {}).items() if key not in replaced}
         before = {**tables.get("default", {}), **own}
-        if outlier and "threshold" not in before:
-            raise BadInput(f"signal.{name}: --outlier needs a threshold in CONFIG")
-        new = _new(design, settings[name], outlier)
-        if not outlier and name in referenced and "reference_threshold" not in before and "threshold" in before:
+        if kept and "threshold" not in before:
+            raise BadInput(f"signal.{name}: --keep-thresholds needs a threshold in CONFIG")
+        new = _new(design, settings[name])
+        if not kept and name in referenced and "reference_threshold" not in before and "threshold" in before:
             new["reference_threshold"] = before["threshold"]
         if name in slow_tests:
-            kept = {key: value for key, value in before.get("slow_tests", {}).items() if key not in DESIGNED}
-            new["slow_tests"] = {**kept, **slow_tests[name]}
+            figures = {key: value for key, value in before.get("slow_tests", {}).items() if key not in DESIGNED}
+            new["slow_tests"] = {**figures, **slow_tests[name]}
         signals[name] = {**own, **new}
     tables["signal"] = signals
     return _text(tables, remarks)
@@ -72,49 +75,28 @@ def scenario_toml(
     chosen: Mapping[str, Design],
     settings: Mapping[str, RecordedSignal],
     remarks: Iterable[str],
-    outlier: bool = False,
     slow_tests: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> str:
     """Return OUT for a scenario: tables ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
     for name, design in chosen.items():
         given = settings[name]
-        signals[name] = _new(design, given, outlier)
-        if not outlier:
+        signals[name] = _new(design, given)
+        if not design.kept:
             signals[name]["reference_threshold"] = given.reference_threshold or given.threshold
         if name in slow_tests:
             signals[name]["slow_tests"] = dict(slow_tests[name])
     return _text({"redundancy": {"signals": signals}}, remarks)
 
 
-def _new(design: Design, given: RecordedSignal, outlier: bool) -> dict[str, Any]:
+def _new(design: Design, given: RecordedSignal) -> dict[str, Any]:
     """Return the keys of a design; a split persistence that CONFIG gives does not change."""
     keys = dict(design.keys())
     if "split_persistence" in given.model_fields_set or given.split_persistence_s is not None:
         keys.pop("split_persistence")
-    for name in ("equalise_bound", "stale_frames"):
-        if design.slow_faults.get(name) == 0 and getattr(given, name):
-            keys[name] = 0  # the settings that the flights were flown with are not asked for any more
-    return _beside(keys, given) if outlier else _in_place(keys, given)
-
-
-def _in_place(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """Return the designed thresholds instead of those of ``given``, and turn its isolation thresholds off."""
-    for level in ("", "_triplex"):
-        if getattr(given, f"outlier_threshold{level}") is not None:
-            keys.setdefault(f"outlier_threshold{level}", keys.get(f"threshold{level}", keys["threshold"]))
+    if design.slow_faults.get("stale_frames") == 0 and given.stale_frames:
+        keys["stale_frames"] = 0  # the settings that the flights were flown with are not asked for any more
     return keys
-
-
-def _beside(keys: dict[str, Any], given: RecordedSignal) -> dict[str, Any]:
-    """Return the designed thresholds as isolation thresholds; those of ``given`` stay unless they are smaller."""
-    table = {key: value for key, value in keys.items() if key not in FIELDS.values()}
-    for name in sorted(FIELDS.values() & keys.keys()):
-        if keys[name] > (getattr(given, name) or given.threshold):
-            table[name] = keys[name]
-        if name != FIELDS[2]:
-            table[f"outlier_{name}"] = keys[name]
-    return table
 
 
 def _in_frames(default: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:

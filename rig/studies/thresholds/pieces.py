@@ -14,6 +14,7 @@ from rig.bench.drive import step
 from rig.computer.redundancy.lowpass import follow
 from rig.computer.redundancy.manager_config import MANAGERS, PARAMS, fill
 from rig.computer.redundancy.managers import Manager
+from rig.computer.redundancy.slow_tests import TESTS
 from rig.core.frame import CHANNELS, Ilm, rows
 from rig.core.kernels import long_kernel
 from rig.core.runs import cluster_starts
@@ -76,7 +77,8 @@ def failures(samples: Floats, references: Floats | None, manager: Manager) -> Fr
     heed()
     failed = np.zeros(len(samples), np.uint8)
     given = np.full((len(samples), 2), np.nan) if references is None else references
-    _restarted(four(samples), given, _blank_row(), manager.data, manager.new_state(), manager.new_state(), failed)
+    learned = (manager.state["tests"], np.zeros(1, TESTS))
+    _restarted(four(samples), given, _blank_row(), manager.data, manager.new_state(), learned, failed)
     return np.flatnonzero(failed)
 
 
@@ -150,8 +152,11 @@ def _run(samples, faulty, onset, rows, manager, fresh, signals):
 
 
 @long_kernel
-def _restarted(samples, references, rows, manager, fresh, kept, found):
-    """Run one flight through the manager, restarted after each isolation; mark the frames of isolations."""
+def _restarted(samples, references, rows, manager, fresh, learned, found):
+    """Run one flight through the manager, restarted after each isolation; mark the frames of isolations.
+
+    learned : TESTS (1,) of the manager's state, and a place to keep it; means begin again, biases stay
+    """
     row = rows[0]
     channels, fcc = row["bus"]["channels"], row["fcc"]
     manager.state[0] = fresh[0]
@@ -162,8 +167,8 @@ def _restarted(samples, references, rows, manager, fresh, kept, found):
         step(row, row, k, None, None, None, manager, None)
         if channel_bits(fcc["state"][0]) != 0:
             found[k] = 1
-            kept[0] = manager.state[0]
+            tests, kept = learned
+            kept[0] = tests[0]
             manager.state[0] = fresh[0]
-            for c in range(CHANNELS):
-                manager.state[0]["bias"][c] = kept[0]["bias"][c]
-                manager.state[0]["learned"][c] = kept[0]["learned"][c]
+            tests[0] = kept[0]
+            tests[0]["level"] = 0

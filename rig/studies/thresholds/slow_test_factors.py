@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.manager import manage_signal
 from rig.computer.redundancy.slow_halves import MEANS_FROM
 from rig.computer.redundancy.slow_tests import SQUARES_FROM, isolate_slow
-from rig.computer.redundancy.slow_tests_config import OFF, SlowTests, tests_params
+from rig.computer.redundancy.slow_tests_config import SlowTests, tests_params
 from rig.computer.redundancy.state import new_state
-from rig.core.frame import CHANNELS, Ilm
 from rig.core.kernels import long_kernel
 from rig.core.threads import heed
 from rig.studies.thresholds.design import rounded_up
+from rig.studies.thresholds.residual_series import ILM, VALID, wide
 from rig.studies.thresholds.slow_test_delays import Delays, delays
 
 Floats = NDArray[np.float64]
@@ -44,12 +44,6 @@ BIN: Final = 0.01  # thresholds a frame: width of a bin
 REFERENCE_KNOWN: Final = 500  # frames that are learned of a reference before its error counts
 ERROR_FRAMES: Final = 25.0  # of the mean that its error is
 DIGITS: Final = 3
-_WIDE: Final = {  # no channel is isolated, and all are compared
-    **dict.fromkeys(("threshold", "threshold_triplex", "threshold_duplex"), np.inf),
-    **dict.fromkeys(("outlier_threshold", "outlier_threshold_triplex"), 0.0),
-}
-_VALID: Final = np.ones(CHANNELS, np.uint8)
-_ILM: Final = np.full(CHANNELS, Ilm.ABSENT, np.uint8)
 
 
 class Measured(NamedTuple):
@@ -106,15 +100,13 @@ def watched(flight: tuple[Floats, Floats | None], params: Any, tests: Mapping[st
     """
     heed()
     samples, reference = flight
-    bare = np.array([params], params.dtype)
-    for name, value in {**OFF, **_WIDE}.items():
-        bare[name] = value
+    bare = wide(params)
     tested = bare.copy()
     for name, value in tests.items():
         tested[name] = value
     shares, errors, noise = np.zeros(len(FACTORS)), np.zeros(BINS), np.zeros(2)
     reference = np.full(len(samples), np.nan) if reference is None else np.ascontiguousarray(reference)
-    width, given = BIN * float(params["threshold"]), (_VALID, _ILM)
+    width, given = BIN * float(params["threshold"]), (VALID, ILM)
     state, out = new_state(bare), (shares, errors, noise)
     _watch(np.ascontiguousarray(samples), reference, given, (bare, tested), state, width, out)
     return Measured(shares, errors, float(noise[0] / max(noise[1], 1.0)))

@@ -82,7 +82,7 @@ def _chosen(signal: dict[str, Any]) -> Design:
 
 def _is_of(design: Design, keys: dict[str, Any]) -> bool:
     """Return True if a design has the ``keys`` that were written."""
-    same = ("filter_s", "persistence", "equalise_bound", "slow_limit")
+    same = ("slow_limit",) if design["kept"] else ("filter_s", "persistence", "slow_limit")
     return all((design[name] or 0) == (keys.get(name) or 0) for name in same)
 
 
@@ -180,7 +180,7 @@ def _values(designs: list[Design], value: Callable[[Design], float | None]) -> l
 
 
 def _upper(design: Design) -> float:
-    return next(iter((design["outlier_levels"] or design["levels"]).values()))["upper"]
+    return next(iter(design["levels"].values()))["upper"]
 
 
 def _offset(design: Design) -> float | None:
@@ -193,8 +193,7 @@ def _share(design: Design) -> float | None:
 
 
 def _kind(design: Design) -> str:
-    """Return the rules of a design: filter, channel equalisation, CUSUM."""
+    """Return the rules of a design: filter, CUSUM."""
     words = [f"filter {design['filter_s']:g} s" if design["filter_s"] else "no filter"]
-    words += ["channel equalisation"] if design["equalise_bound"] else []
     words += [f"CUSUM to {design['slow_limit']:.3g}"] if design["slow_limit"] else []
     return ", ".join(words)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from rig.core.threads import heed
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.design import DataBlock, Design
 from rig.studies.thresholds.pieces import outcomes
-from rig.studies.thresholds.slow_fault_limits import begun
+from rig.studies.thresholds.residual_series import learned
 from rig.verdict.signal_kernels import NEVER
 from rig.verdict.words import INJECTED, fault_words
 
@@ -54,12 +54,12 @@ class Pieces:
     channel: NDArray[np.int64]
     onset: int
     rate_hz: float
-    before: Sequence[Floats] = ()  # (C, m) each: the flight before the piece, of which biases are learned
+    first: NDArray[Any] | None = None  # (R,) states of the manager that have learned; None: those of a start
 
     def short(self) -> Pieces:
         """Return the pieces cut to the length that an offset needs."""
         end = self.onset + round(WITHIN_S * self.rate_hz) + 1
-        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz, self.before)
+        return Pieces(self.samples[:, :end], self.channel, self.onset, self.rate_hz, self.first)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +86,16 @@ def _share(kinds: dict[str, Found]) -> float:
     return sum(counts.correct for counts in kinds.values()) / sum(sum(counts[:3]) for counts in kinds.values())
 
 
-def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = BEFORE_S) -> Pieces | None:
-    """Return ``count`` pieces spread evenly over the flights; None if all flights are too short for one."""
+def pieces(
+    flights: Sequence[DataBlock],
+    count: int = PIECES,
+    before_s: float = BEFORE_S,
+    given: RecordedSignal | None = None,
+) -> Pieces | None:
+    """Return ``count`` pieces spread evenly over the flights; None if all flights are too short for one.
+
+    given : settings whose slow-fault tests have learned from the flight before each piece; None: no manager has
+    """
     rate = flights[0].rate_hz
     onset, length = round(before_s * rate), round((before_s + LATER_S) * rate) + 1
     room = np.array([max(flight.samples.shape[1] - length + 1, 0) for flight in flights])
@@ -98,8 +106,11 @@ def pieces(flights: Sequence[DataBlock], count: int = PIECES, before_s: float = 
     start = at - (np.cumsum(room) - room)[flight]
     cut = [flights[f].samples[:, k : k + length].T for f, k in zip(flight, start, strict=True)]
     samples = np.ascontiguousarray(cut)
-    before = [flights[f].samples[:, :k] for f, k in zip(flight, start, strict=True)]
-    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, before)
+    first = None
+    if given is not None and given.slow_tests is not None:
+        before = [flights[f].samples[:, :k] for f, k in zip(flight, start, strict=True)]
+        first = learned(before, given, samples.shape[2], rate)
+    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, first)
 
 
 def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) -> Tradeoff:
@@ -112,8 +123,8 @@ def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) 
     sizes: dict[Kind, float] = {"ramp": SHARES[0] * motion, "noise": NOISE, "gain": GAIN, "stuck": 0.0}
     for kind, size in sizes.items():
         kinds[kind] = inject(cut, settings, kind, size)
-    twice = inject(short, settings, "offset", 2.0 * design.single.upper)
-    return Tradeoff(_smallest(short, settings, design.single.upper), twice, kinds, small)
+    twice = inject(short, settings, "offset", 2.0 * design.threshold.upper)
+    return Tradeoff(_smallest(short, settings, design.threshold.upper), twice, kinds, small)
 
 
 def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Found:
@@ -121,8 +132,7 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
     heed()
     samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
     samples[pieces, :, cut.channel] = faulty(cut, kind, size)
-    learned = begun(cut.before, settings, samples.shape[2], cut.rate_hz) if cut.before else None
-    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz, learned)
+    signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz, cut.first)
     failed_at = signals["failed_at"][pieces, cut.channel]
     wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
     delay = (failed_at - cut.onset) / cut.rate_hz
@@ -174,10 +184,10 @@ def _smallest(cut: Pieces, settings: RecordedSignal, threshold: float) -> float 
 def ranked(designs: Sequence[Design], tradeoffs: Sequence[Tradeoff]) -> list[int]:
     """Return the places of the designs, the largest share of correct isolations first.
 
-    Ties: the shorter persistence, then the shorter filter, then no channel equalisation."""
+    Ties: the shorter persistence, then the shorter filter."""
 
-    def order(i: int) -> tuple[float, int, float, bool]:
+    def order(i: int) -> tuple[float, int, float]:
         design = designs[i]
-        return -round(tradeoffs[i].share, 9), design.persistence, design.filter_s, bool(design.outliers)
+        return -round(tradeoffs[i].share, 9), design.persistence, design.filter_s
 
     return sorted(range(len(designs)), key=order)
