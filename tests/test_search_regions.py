@@ -1,13 +1,15 @@
 """The method of regions: rounds, regions that are left, arms that each get a share, plateaus, signals in pieces."""
 
+import re
 from functools import partial
 
 import numpy as np
 import pytest
-from search_methods import cube, searched
+from search_methods import cube, searched, searched_to_the_end
 
+from rig.studies.search.cma_es import cma
 from rig.studies.search.regions import ROUND, regions
-from rig.studies.search.rounds import NEAR, Draw
+from rig.studies.search.rounds import NEAR, Draw, at_random
 
 
 def distance(draw: Draw, place: float) -> float:
@@ -60,3 +62,22 @@ def test_stretches_of_a_signal_move_together_and_reach_corners():
     held = lambda draw: -float(draw.point[:6].min())  # noqa: E731
     _, values = searched(cube(1, 8), 160, held, method=partial(regions, pieces=[range(8)]))
     assert min(values) < -0.9  # six pieces above it are 1 in a million
+
+
+def test_the_end_of_a_search_tells_why_each_region_was_left():
+    many = lambda draw: distance(draw, 0.2) - 0.5  # noqa: E731
+    none = lambda draw: 1.0 + distance(draw, 0.2)  # noqa: E731
+    told = [searched_to_the_end(cube(1, 6), 240, value)[2] for value in (many, none)]
+    told += [searched_to_the_end(cube(1, 1), 240, lambda _: -1.0)[2]]
+    full, poor = ([int(text) for text in re.findall(r"(\d+) (?:closed|after)", of)] for of in told[:2])
+    assert full[0] >= 1 and poor[0] == 0 and poor[1] >= 1
+    assert "the last is open with" in told[0] and "close one" in told[2]
+
+
+def test_a_method_that_does_not_choose_has_nothing_to_tell():
+    assert searched_to_the_end(cube(2), 30, slope, method=at_random)[2] == ""
+    assert searched_to_the_end(cube(2), 60, slope, method=cma)[2].startswith("CMA-ES began 2 times")
+
+
+def slope(draw: Draw) -> float:
+    return float(draw.point.sum())

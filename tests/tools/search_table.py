@@ -31,7 +31,7 @@ from rig.studies.campaign.campaign_file import from_what
 from rig.studies.campaign.plan import Run
 from rig.studies.campaign.tables import measured as row_of
 from rig.studies.search.clusters import clusters
-from rig.studies.search.objective import Measured, measured
+from rig.studies.search.objective import Measured
 from rig.studies.search.open_loop import trial_row
 from rig.studies.search.rounds import Method
 from rig.studies.search.search_plan import METHODS, Asked, SearchPlan
@@ -96,20 +96,16 @@ def results_of(plan: SearchPlan) -> tuple[list[Measured], list[float]]:
     starts: dict[str, Any] = {}
     if plan.asked.trials_first:
         starts = {"starts": tried(plan, Stop()).starts}
-    coming, numbers = plan.schedule(**starts), list(range(len(plan.choices)))
-    next(coming)
-    results: list[Measured] = []
     times: list[float] = []
-    while True:
-        new = []
+
+    def rows_of(numbers: list[int]) -> list[dict[str, Any]]:
+        rows = []
         for number in numbers:
-            new.append(measured([row(plan[number], plan)], plan.asked.requirements))
+            rows.append(row(plan[number], plan))
             times.append(process_time())
-        results += new
-        try:
-            numbers = plan.add(coming.send(new))
-        except StopIteration:
-            return results, times
+        return rows
+
+    return plan.search(rows_of, lambda _: None, **starts).results, times
 
 
 def row(run: Run, plan: SearchPlan) -> dict[str, Any]:

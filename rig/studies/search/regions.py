@@ -86,6 +86,7 @@ def regions(
         now = float(flown.value[flown.open].min()) if flown.open.any() else math.inf
         waited = 0 if now < best - _BETTER or sum(each.violated for each in results) >= 2 else waited + 1
         best = min(best, now)
+    return flown.standing()
 
 
 def _expected(flown: _Flown, cubes: _Cubes, count: int, rng: Generator) -> list[Draw]:
@@ -169,7 +170,7 @@ class _Flown:
         self._dimensions = np.array([arm.dimensions for arm in arms])
         self._width, self._closed = int(self._dimensions.max()), list[Draw]()
         self.draws: list[Draw] = []
-        self.enough = ENOUGH
+        self.enough, self._full, self._poor = ENOUGH, 0, 0
         self.value, self._violated, self.open = np.zeros(0), np.zeros(0, bool), np.zeros(0, bool)
         self._arm, self._point = np.zeros(0, np.int64), np.zeros((0, self._width))
         self._tried = np.zeros(len(arms), bool)
@@ -199,12 +200,23 @@ class _Flown:
     def close(self) -> None:
         """Close the region around the best open point; if none is open, open all for twice as many finds."""
         if self.open.any():
+            is_full = self.found() >= self.enough
+            self._full, self._poor = self._full + is_full, self._poor + (not is_full)
             self._closed.append(self.draws[self.ranked()[0]])
             self.open &= ~_within(self._closed[-1], self._arm, self._point)
         else:
             self._closed.clear()
             self.open[:] = True
             self.enough *= 2
+
+    def standing(self) -> str:
+        """Return how many regions are closed, and why; and what the open one has."""
+        last = f"the last is open with {self.found()}" if self.open.any() else "none is open"
+        again = f"; all were closed once, since then {self.enough} violations close one" if self.enough > ENOUGH else ""
+        return (
+            f"regions: {self._full} closed with {ENOUGH} violations or more, "
+            f"{self._poor} after {PATIENCE} rounds without a lower robustness, {last}{again}"
+        )
 
     def outside(self, draws: Sequence[Draw]) -> NDArray[np.bool_]:
         """Return whether each point is outside of all closed regions."""
