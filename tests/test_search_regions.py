@@ -69,9 +69,10 @@ def test_the_end_of_a_search_tells_why_each_region_was_left():
     none = lambda draw: 1.0 + distance(draw, 0.2)  # noqa: E731
     told = [searched_to_the_end(cube(1, 6), 240, value)[2] for value in (many, none)]
     told += [searched_to_the_end(cube(1, 1), 240, lambda _: -1.0)[2]]
-    full, poor = ([int(text) for text in re.findall(r"(\d+) (?:closed|after)", of)] for of in told[:2])
-    assert full[0] >= 1 and poor[0] == 0 and poor[1] >= 1
-    assert "the last is open with" in told[0] and "close one" in told[2]
+    full = r"regions: \d+ closed with 24 violations or more, the last is open with \d+ violations"
+    poor = r"regions: \d+ closed after 4 rounds without a lower robustness, the last is open with 0 violations"
+    assert re.fullmatch(full, told[0]) and re.fullmatch(poor, told[1])
+    assert re.fullmatch(rf"{full}; all were closed, and \d+ violations now close one", told[2])
 
 
 def test_a_method_that_does_not_choose_has_nothing_to_tell():

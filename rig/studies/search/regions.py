@@ -118,6 +118,12 @@ def best_apart(draws: Sequence[Draw], values: Sequence[float]) -> Iterator[int]:
         left = left[~_within(draws[left[0]], arm[left], point[left])]
 
 
+def in_parts(count: int, parts: int) -> NDArray[np.intp]:
+    """Return of each of ``count`` pieces (count,) the first one of its part, of as many about equal ``parts``."""
+    parts = min(parts, count)
+    return np.arange(count) * parts // count * count // parts
+
+
 class _Cubes:
     """Points of the arms: evenly spread, by chance, and near others."""
 
@@ -137,8 +143,8 @@ class _Cubes:
             self._sequences[arm] = Sobol(self._dimensions[arm], scramble=True, rng=rng)
         point = self._sequences[arm].random(1)[0]
         for of in self._pieces:
-            parts = min(1 << (self._drawn[arm] % (1 + math.ceil(math.log2(len(of))))), len(of))
-            point[of] = point[[of[j * parts // len(of) * len(of) // parts] for j in range(len(of))]]
+            parts = 1 << (self._drawn[arm] % (1 + math.ceil(math.log2(len(of)))))
+            point[of] = point[np.array(of)[in_parts(len(of), parts)]]
         self._drawn[arm] += 1
         return Draw(arm, point)
 
@@ -211,12 +217,13 @@ class _Flown:
 
     def standing(self) -> str:
         """Return how many regions are closed, and why; and what the open one has."""
-        last = f"the last is open with {self.found()}" if self.open.any() else "none is open"
-        again = f"; all were closed once, since then {self.enough} violations close one" if self.enough > ENOUGH else ""
-        return (
-            f"regions: {self._full} closed with {ENOUGH} violations or more, "
-            f"{self._poor} after {PATIENCE} rounds without a lower robustness, {last}{again}"
-        )
+        parts = [
+            f"{self._full} closed with {ENOUGH} violations or more" if self._full else "",
+            f"{self._poor} closed after {PATIENCE} rounds without a lower robustness" if self._poor else "",
+            f"the last is open with {self.found()} violations" if self.open.any() else "none is open",
+        ]
+        again = f"; all were closed, and {self.enough} violations now close one" if self.enough > ENOUGH else ""
+        return f"regions: {', '.join(filter(None, parts))}{again}"
 
     def outside(self, draws: Sequence[Draw]) -> NDArray[np.bool_]:
         """Return whether each point is outside of all closed regions."""

@@ -47,7 +47,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """What was measured of all draws, and the requirements that were used."""
+    """The values of all draws, and the requirements that were used."""
 
     ids: tuple[str, ...]
     results: list[Measured]  # of each draw, in their order
