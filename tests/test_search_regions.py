@@ -77,6 +77,7 @@ def test_the_end_of_a_search_tells_why_each_region_was_left():
 
 def test_a_method_that_does_not_choose_has_nothing_to_tell():
     assert searched_to_the_end(cube(2), 30, slope, method=at_random)[2] == ""
+    assert searched_to_the_end(cube(2), 24, slope)[2] == ""  # the first draws alone
     assert searched_to_the_end(cube(2), 60, slope, method=cma)[2].startswith("CMA-ES began 2 times")
 
 

@@ -55,6 +55,8 @@ def search_a_plant(options: Any, plant: str) -> None:
 
 def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
     """Print how much violates, the clusters, and what failed."""
+    from rig.studies.search.plants.plant_words import values_told
+
     found = "" if f["first_violation"] is None else f", the first is number {f['first_violation']}"
     lowest = f"lowest robustness {_number(f['robustness'])}"
     field("searched", f"{f['simulations']} simulations, {f['violated']} violate{found}; {lowest}", width=_WIDTH)
@@ -67,7 +69,10 @@ def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
     for number, cluster in enumerate(f["clusters"], 1):
         _show_cluster(f"cluster {number}", cluster, plan)
     if f["failed"]:
-        field("failed", f"{f['failed']} simulations, no violations; the first: {f['first_reason']}", width=_WIDTH)
+        failed = f["first_failed"]
+        count = f"{f['failed']} simulation{'s' if f['failed'] > 1 else ''}, no violation"
+        field("failed", f"{count}; the first is number {failed['number']}: {failed['reason']}", width=_WIDTH)
+        field("", f"with {'; '.join(values_told(failed['inputs'], plan))}", width=_WIDTH)
     if f["printed"]:
         field("printed", " ".join(f["printed"].split()), width=_WIDTH)
     field("ended", f["ended"], width=_WIDTH)

@@ -65,7 +65,8 @@ def regions(
     """
     rng, cubes = np.random.default_rng([seed, _RNG]), _Cubes(arms, seed, pieces)
     flown = _Flown(arms)
-    asked = [cubes.even(arm) for arm in in_turn(arms, first_count(arms, draws), seed)]
+    first = first_count(arms, draws)
+    asked = [cubes.even(arm) for arm in in_turn(arms, first, seed)]
     flown.add(asked, (yield asked))
     if asked := list(starts[: draws - len(flown)]):
         flown.add(asked, (yield asked))
@@ -86,7 +87,7 @@ def regions(
         now = float(flown.value[flown.open].min()) if flown.open.any() else math.inf
         waited = 0 if now < best - _BETTER or sum(each.violated for each in results) >= 2 else waited + 1
         best = min(best, now)
-    return flown.standing()
+    return flown.standing() if len(flown) > first else ""
 
 
 def _expected(flown: _Flown, cubes: _Cubes, count: int, rng: Generator) -> list[Draw]:
@@ -217,10 +218,11 @@ class _Flown:
 
     def standing(self) -> str:
         """Return how many regions are closed, and why; and what the open one has."""
+        which = "last" if self._full or self._poor else "first"
         parts = [
             f"{self._full} closed with {ENOUGH} violations or more" if self._full else "",
             f"{self._poor} closed after {PATIENCE} rounds without a lower robustness" if self._poor else "",
-            f"the last is open with {self.found()} violations" if self.open.any() else "none is open",
+            f"the {which} is open with {self.found()} violations" if self.open.any() else "none is open",
         ]
         again = f"; all were closed, and {self.enough} violations now close one" if self.enough > ENOUGH else ""
         return f"regions: {', '.join(filter(None, parts))}{again}"

@@ -56,10 +56,10 @@ def confirmed(
             "simulations": len(cluster.places),
             "robustness": number_of(results[cluster.places[0]].robustness),
             "number": place + 1,
-            "inputs": _plain(simulating.space.inputs(cluster.arm, draws[place].point)),
+            "inputs": inputs_of(simulating, draws[place]),
             "ranges": ranges(simulating, draws, cluster),
             **again_figures,
-            "smallest": {"inputs": _plain(simulating.space.inputs(cluster.arm, smallest.point)), **of_smallest},
+            "smallest": {"inputs": inputs_of(simulating, smallest), **of_smallest},
         }
         seeds = seeds_of(seed, place * repeats, repeats)
         cases.append(PlantCase(figures, draws[place], seeds, smallest, again.few))
@@ -139,5 +139,7 @@ def ranges(simulating: Simulating, draws: Sequence[Draw], cluster: Cluster) -> d
     return out
 
 
-def _plain(inputs: dict[str, Any]) -> dict[str, Any]:
+def inputs_of(simulating: Simulating, draw: Draw) -> dict[str, Any]:
+    """Return the inputs of a draw; of a signal a list."""
+    inputs = simulating.space.inputs(draw.arm, draw.point)
     return {name: of.tolist() if isinstance(of, np.ndarray) else of for name, of in inputs.items()}

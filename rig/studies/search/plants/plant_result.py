@@ -14,7 +14,7 @@ import numpy as np
 from rig.core.outputs import BESIDE_RUNS
 from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.plants.plant_call import Columns
-from rig.studies.search.plants.plant_clusters import confirmed, found_in
+from rig.studies.search.plants.plant_clusters import confirmed, found_in, inputs_of
 from rig.studies.search.plants.plant_rounds import Simulated, Simulating
 from rig.studies.search.rounds import Draw, first_count
 from rig.verdict.requirements.robustness import number_of
@@ -35,7 +35,7 @@ def figures_of(
     standing : of the method at its end
     """
     first, found = first_count(simulating.space.arms, len(draws)), found_in(draws, results)
-    failed = [each.failed for each in results if each.failed]
+    failed = [i for i, each in enumerate(results) if each.failed]
     cases = confirmed(simulating, draws, results, found, seed)
     figures = {
         "simulations": len(results),
@@ -45,7 +45,7 @@ def figures_of(
         "robustness": number_of(min(each.robustness for each in results)),
         "first": {"simulations": first, "violated": sum(each.violated for each in results[:first])},
         "failed": len(failed),
-        "first_reason": failed[0] if failed else None,
+        "first_failed": _of_failed(simulating, draws[failed[0]], results[failed[0]], failed[0]) if failed else None,
         "printed": next((each.printed for each in results if each.printed), None),
         "clusters_found": len(found),
         "clusters": [each.figures for each in cases],
@@ -68,6 +68,10 @@ def figures_of(
 
         plant_page.write(out / PICTURE, simulating, draws, results, figures, traces)
     return figures
+
+
+def _of_failed(simulating: Simulating, draw: Draw, result: Simulated, place: int) -> dict[str, Any]:
+    return {"number": place + 1, "reason": result.failed, "inputs": inputs_of(simulating, draw)}
 
 
 def _by_requirement(simulating: Simulating, results: Sequence[Simulated]) -> dict[str, int]:
