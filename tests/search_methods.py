@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from rig.studies.search.regions import regions
-from rig.studies.search.rounds import Draw, Schedule, Space
+from rig.studies.search.rounds import Draw, Schedule, Space, drive
 
 Method = Callable[[Sequence[Space], int, int], Schedule]
 
@@ -33,13 +33,21 @@ def searched(
     space: Sequence[Space], draws: int, value: Callable[[Draw], float], seed: int = 0, method: Method = regions
 ) -> tuple[list[list[Draw]], list[float]]:
     """All lists of draws that a method asks for, and all values."""
-    coming, lists, values = method(space, draws, seed), [], []
-    asked = next(coming)
-    while True:
+    lists, values, _ = searched_to_the_end(space, draws, value, seed, method)
+    return lists, values
+
+
+def searched_to_the_end(
+    space: Sequence[Space], draws: int, value: Callable[[Draw], float], seed: int = 0, method: Method = regions
+) -> tuple[list[list[Draw]], list[float], str]:
+    """As ``searched``, with how the method stands when no draw is left."""
+    lists: list[list[Draw]] = []
+    values: list[float] = []
+
+    def results_of(asked: list[Draw]) -> list[Worth]:
         lists.append(asked)
-        new = [value(draw) for draw in asked]
-        values += new
-        try:
-            asked = coming.send([Worth(each) for each in new])
-        except StopIteration:
-            return lists, values
+        values.extend(new := [value(draw) for draw in asked])
+        return [Worth(each) for each in new]
+
+    standing = drive(method(space, draws, seed), results_of)
+    return lists, values, standing

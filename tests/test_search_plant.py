@@ -210,8 +210,10 @@ def test_what_a_plant_does_wrong_is_a_failed_row_and_no_violation(returns, says)
     found = rig.search(plant, PLAN, simulations=16)
     failed = [result.failed for result in found.results if result.failed]
     assert 4 < len(failed) == found.figures["failed"] < 16 and found.figures["violated"] == 0
+    first = found.figures["first_failed"]
+    assert found.results[first["number"] - 1].failed and first["inputs"]["a"] > 0.5
     with pytest.raises(AssertionError, match=says):
-        raise AssertionError(found.figures["first_reason"])
+        raise AssertionError(found.figures["first_failed"]["reason"])
 
 
 def test_a_plant_that_always_fails_is_refused_with_its_reason():

@@ -1,13 +1,15 @@
 """The method of regions: rounds, regions that are left, arms that each get a share, plateaus, signals in pieces."""
 
+import re
 from functools import partial
 
 import numpy as np
 import pytest
-from search_methods import cube, searched
+from search_methods import cube, searched, searched_to_the_end
 
+from rig.studies.search.cma_es import cma
 from rig.studies.search.regions import ROUND, regions
-from rig.studies.search.rounds import NEAR, Draw
+from rig.studies.search.rounds import NEAR, Draw, at_random
 
 
 def distance(draw: Draw, place: float) -> float:
@@ -60,3 +62,24 @@ def test_stretches_of_a_signal_move_together_and_reach_corners():
     held = lambda draw: -float(draw.point[:6].min())  # noqa: E731
     _, values = searched(cube(1, 8), 160, held, method=partial(regions, pieces=[range(8)]))
     assert min(values) < -0.9  # six pieces above it are 1 in a million
+
+
+def test_the_end_of_a_search_tells_why_each_region_was_left():
+    many = lambda draw: distance(draw, 0.2) - 0.5  # noqa: E731
+    none = lambda draw: 1.0 + distance(draw, 0.2)  # noqa: E731
+    told = [searched_to_the_end(cube(1, 6), 240, value)[2] for value in (many, none)]
+    told += [searched_to_the_end(cube(1, 1), 240, lambda _: -1.0)[2]]
+    full = r"regions: \d+ closed with 24 violations or more, the last is open with \d+ violations"
+    poor = r"regions: \d+ closed after 4 rounds without a lower robustness, the last is open with 0 violations"
+    assert re.fullmatch(full, told[0]) and re.fullmatch(poor, told[1])
+    assert re.fullmatch(rf"{full}; all were closed, and \d+ violations now close one", told[2])
+
+
+def test_a_method_that_does_not_choose_has_nothing_to_tell():
+    assert searched_to_the_end(cube(2), 30, slope, method=at_random)[2] == ""
+    assert searched_to_the_end(cube(2), 24, slope)[2] == ""  # the first draws alone
+    assert searched_to_the_end(cube(2), 60, slope, method=cma)[2].startswith("CMA-ES began 2 times")
+
+
+def slope(draw: Draw) -> float:
+    return float(draw.point.sum())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +14,10 @@ from rig.core.errors import BadInput
 from rig.core.outputs import require_apart
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from rig.studies.search.plants.plant_file import PlantPlan
 
 _OF_FLIGHTS = ("against", "requirements", "bench", "trials_first", "unit", "scheduler", "sets", "allow_code")
 _WIDTH = 11
-_STRETCHES = 4  # of a signal that are printed
 
 
 def search_a_plant(options: Any, plant: str) -> None:
@@ -59,6 +55,8 @@ def search_a_plant(options: Any, plant: str) -> None:
 
 def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
     """Print how much violates, the clusters, and what failed."""
+    from rig.studies.search.plants.plant_words import values_told
+
     found = "" if f["first_violation"] is None else f", the first is number {f['first_violation']}"
     lowest = f"lowest robustness {_number(f['robustness'])}"
     field("searched", f"{f['simulations']} simulations, {f['violated']} violate{found}; {lowest}", width=_WIDTH)
@@ -71,21 +69,28 @@ def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
     for number, cluster in enumerate(f["clusters"], 1):
         _show_cluster(f"cluster {number}", cluster, plan)
     if f["failed"]:
-        field("failed", f"{f['failed']} simulations, no violations; the first: {f['first_reason']}", width=_WIDTH)
+        failed = f["first_failed"]
+        count = f"{f['failed']} simulation{'s' if f['failed'] > 1 else ''}, no violation"
+        field("failed", f"{count}; the first is number {failed['number']}: {failed['reason']}", width=_WIDTH)
+        field("", f"with {'; '.join(values_told(failed['inputs'], plan))}", width=_WIDTH)
     if f["printed"]:
         field("printed", " ".join(f["printed"].split()), width=_WIDTH)
+    field("ended", f["ended"], width=_WIDTH)
     field("folder", f"{out}, {took_s:.1f} s", width=_WIDTH)
 
 
 def _show_cluster(label: str, cluster: dict[str, Any], plan: PlantPlan) -> None:
-    """Print a cluster: how many, how sure, the narrow ranges of its numbers, its trace."""
-    (violate, of), (low, high) = cluster["confirmed"], cluster["interval"]
-    count = cluster["simulations"]
+    """Print a cluster: how many, how sure, the narrow ranges of its numbers, the smallest input, its trace."""
+    from rig.studies.search.plants.plant_words import narrow, values_told
+
+    count, smallest = cluster["simulations"], cluster["smallest"]
+    of_smallest = _share(smallest) if "confirmed" in smallest else f"robustness {_number(smallest['robustness'])}"
     texts = [
         f"{count} simulation{'s' if count > 1 else ''}, lowest robustness {_number(cluster['robustness'])}; "
-        f"{violate} of {of} {cluster['confirmed_on']} violate ({100 * low:.3g} to {100 * high:.3g} %)",
+        f"{_share(cluster)}",
         *([f"with {cluster['arm']}"] if cluster["arm"] != "all" else []),
-        "; ".join(_narrow(cluster["ranges"], plan)) or "its inputs are anywhere",
+        "; ".join(narrow(cluster["ranges"], plan)) or "its inputs are anywhere",
+        f"smallest: {'; '.join(values_told(smallest['inputs'], plan))}: {of_smallest}",
         f"number {cluster['number']}: {cluster['trace']}",
     ]
     for text in texts:
@@ -93,27 +98,10 @@ def _show_cluster(label: str, cluster: dict[str, Any], plan: PlantPlan) -> None:
         label = ""
 
 
-def _narrow(ranges: dict[str, Any], plan: PlantPlan) -> Iterator[str]:
-    """Yield the numbers of a cluster with their ranges; of a signal the stretches within half of its range."""
-    for name, found in ranges.items():
-        if name not in plan.signals:
-            yield f"{name} {_span(*found)}"
-            continue
-        signal, at_s = plan.signals[name], plan.duration_s / plan.signals[name].pieces
-        ends = [(_span(low, high), high - low) for low, high in found]
-        stretches = [(text, width, list(of)) for (text, width), of in groupby(range(len(ends)), key=ends.__getitem__)]
-        narrow = [each for each in stretches if each[1] <= 0.5 * (signal.high - signal.low)]
-        for text, _, of in narrow[:_STRETCHES]:
-            last = of[-1] + (signal.shape == "constant")
-            when = f"{of[0] * at_s:g} to {last * at_s:g} s" if last > of[0] else f"{last * at_s:g} s"
-            yield f"{name} {text} at {when}"
-        if len(narrow) > _STRETCHES:
-            yield f"{name} in {len(narrow) - _STRETCHES} more stretches"
-
-
-def _span(low: float, high: float) -> str:
-    ends = (f"{low:.3g}", f"{high:.3g}")
-    return ends[0] if ends[0] == ends[1] else " to ".join(ends)
+def _share(of: dict[str, Any]) -> str:
+    """Return how many simulations violate that chose nothing, with the interval."""
+    low, high = (100.0 * end for end in of["interval"])
+    return f"{of['confirmed'][0]} of {of['confirmed'][1]} {of['confirmed_on']} violate ({low:.3g} to {high:.3g} %)"
 
 
 def _number(robustness: float | None) -> str:

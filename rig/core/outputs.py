@@ -27,7 +27,9 @@ _OWN: Final = {  # files that belong to such a folder, by their path in it
     CAMPAIGN: re.compile(
         r"campaign\.json|lock|\w+/\d+-\d+\.parquet|logs/run_\d+\.mcap|(search|until)\.json|worst(_\d)?\.toml"
     ),
-    PLANT_SEARCH: re.compile(r"(plant-)?search\.json|lock|(rounds|choosing|confirming)/\d+\.json|cluster_\d\.csv"),
+    PLANT_SEARCH: re.compile(
+        r"(plant-)?search\.json|lock|(rounds|choosing|confirming|shrinking)/[\d-]+\.json|cluster_\d\.csv"
+    ),
     TRIALS: re.compile(r"trials\.json|lock|\w+\.parquet"),
     CUTSETS: re.compile(r"(cutsets|sets|confirmed)\.json|lock"),
     BENCHMARK: re.compile(r"(benchmark|levels|result)\.json|lock|(units|flights)/\d+-\d+\.parquet"),

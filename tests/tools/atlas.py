@@ -93,7 +93,7 @@ def simplify(found: dict[str, Any]) -> str:
         flown = [_flown(table, table["seed"], plan.requirements) for table in tables]
         return [Measured(found, 0.0, violates) for found, violates, _ in flown]
 
-    small = simplest(shrink(found["table"], few, flights), others, flights)
+    small = simplest(shrink(found["table"], few, flights), others, confirm.counting(flights))
     simple = confirm.confirm([small], many, flights)[0]
     path = ROOT / "faults" / "worst" / f"{name_of(found)}.toml"
     path.parent.mkdir(exist_ok=True)

@@ -11,17 +11,20 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from statistics import mean, median
-from typing import Any, Final
+from typing import Final
 
 from rig.core.interrupt import Stop
 from rig.studies.search.plants.plant_file import PlantPlan, read_plan
-from rig.studies.search.plants.plant_rounds import PlantFolder, Simulating
+from rig.studies.search.plants.plant_rounds import PlantFolder, Simulated, Simulating
 from rig.studies.search.plants.plant_space import space_of
 from rig.studies.search.plants.plant_subject import PlantSubject
 from rig.studies.search.plants.plant_workers import Here
-from rig.studies.search.plants.run_plant_search import PlantAsked, first_columns, first_violation, rounds
+from rig.studies.search.plants.run_plant_search import PlantAsked, first_columns, first_violation, simulate_all
+from rig.studies.search.rounds import Draw
 
 ROOT: Final = Path(__file__).parents[2]
 PLANTS: Final = ROOT / "docs/examples/plants"
@@ -59,6 +62,10 @@ TAIL: Final = """
 """
 
 
+class _Found(Exception):
+    """A violation, with which a repetition ends."""
+
+
 def plan_of(instance: int) -> PlantPlan:
     """Return the plan with the inputs of an instance."""
     plan = read_plan(PLANTS / "automatic_transmission.toml")
@@ -73,11 +80,15 @@ def simulations_until(plan: PlantPlan, asked: PlantAsked, runner: Here) -> int |
     space, stop = space_of(plan), Stop()
     columns = first_columns(space, runner, asked.seed, stop)
     subject = PlantSubject(plan.chosen(asked.requirements), columns, plan.rate_hz, plan.duration_s)
-    results: list[Any] = []
-    for _, found in rounds(Simulating(space, subject, runner, PlantFolder(None, {}), stop), asked):
-        results += found
+    results: list[Simulated] = []
+
+    def told(_: Sequence[Draw], found: Sequence[Simulated]) -> None:
+        results.extend(found)
         if first_violation(results):
-            break
+            raise _Found
+
+    with suppress(_Found):
+        simulate_all(Simulating(space, subject, runner, PlantFolder(None, {}), stop), asked, told)
     return first_violation(results)
 
 

@@ -7,12 +7,10 @@ each fault is anything up to that size, to either side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 from rig.studies.campaign.campaign_file import Campaign, from_what
-from rig.studies.campaign.plan import Run
-from rig.studies.search.objective import Measured, chosen, measured
+from rig.studies.search.objective import Measured, chosen
 from rig.studies.search.open_loop import trial_row
 from rig.studies.search.rounds import Method
 from rig.studies.search.search_plan import Asked, SearchPlan
@@ -65,18 +63,5 @@ def plan_of(campaign: Campaign, flights: int, method: Method = "regions", seed: 
 
 def search_here(plan: SearchPlan) -> list[Measured]:
     """Return what each draw of the plan is worth, open loop."""
-    coming = plan.schedule()
-    next(coming)
-    results: list[Measured] = []
-    numbers = list(range(len(plan.choices)))
-    while True:
-        new = [measured([trial_row(each, plan.requirements)], plan.asked.requirements) for each in _runs(plan, numbers)]
-        results += new
-        try:
-            numbers = plan.add(coming.send(new))
-        except StopIteration:
-            return results
-
-
-def _runs(plan: SearchPlan, numbers: Sequence[int]) -> list[Run]:
-    return [plan[number] for number in numbers]
+    rows_of = lambda numbers: [trial_row(plan[number], plan.requirements) for number in numbers]  # noqa: E731
+    return plan.search(rows_of, lambda _: None).results

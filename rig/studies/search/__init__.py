@@ -9,5 +9,6 @@ open_loop.py  trials in place of flights; trials_first.py, before them
 run_search.py  draw, fly the missing flights, evaluate
 clusters.py    violating points around a best one
 worst_cases.py of each cluster: the worst case, chosen and made small (shrink.py), then told on seeds that chose nothing
-search_result.py  figures, scenario files; picture.py  the page; worst_flight.py  its flights
+search_result.py  figures, scenario files; picture.py  the page; robustness_picture.py  its first picture;
+                  worst_flight.py  its flights
 """

@@ -41,6 +41,7 @@ def cma(arms: Sequence[Space], draws: int, seed: int) -> Schedule:
             del values[: each.population]
         strategies.sort(key=lambda each: (each.best, each.arm))
         number += 1
+    return f"CMA-ES began {sum(each.begun for each in strategies)} times, in {len(strategies)} of {len(arms)} arms"
 
 
 class Strategy:
@@ -50,7 +51,7 @@ class Strategy:
         """Begin at the first of ``starts``, the arm's random points, best first; at the next where it ends."""
         self._starts, self._seed, self.arm = starts, seed, arm
         self.population = population(len(starts[0]))
-        self.best, self._begun = math.inf, 0
+        self.best, self.begun = math.inf, 0
         self._begin()
 
     def ask(self) -> list[Point]:
@@ -68,9 +69,9 @@ class Strategy:
     def _begin(self) -> None:
         from cma import CMAEvolutionStrategy
 
-        rng = np.random.default_rng([self._seed, self.arm, self._begun, _STARTS])
-        start = self._starts[self._begun % len(self._starts)]
-        self._begun += 1
+        rng = np.random.default_rng([self._seed, self.arm, self.begun, _STARTS])
+        start = self._starts[self.begun % len(self._starts)]
+        self.begun += 1
         options: dict[str, Any] = {
             "seed": math.nan,
             "randn": lambda *shape: rng.standard_normal(shape),

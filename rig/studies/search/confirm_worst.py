@@ -70,6 +70,11 @@ def confirm(tables: Sequence[Table], seeds: Sequence[int], fly: Fly) -> list[Con
     ]
 
 
+def counting(fly: Fly) -> Callable[[Table, Sequence[int]], int]:
+    """Return the function that counts the violations of a scenario on seeds."""
+    return lambda table, seeds: confirm([table], seeds, fly)[0].violations
+
+
 def worst(confirmed: Sequence[Confirmed]) -> Confirmed:
     """Return the scenario with the most violations, then with the least median robustness."""
     return min(confirmed, key=lambda each: (-each.violations, each.median_robustness))

@@ -65,7 +65,8 @@ def regions(
     """
     rng, cubes = np.random.default_rng([seed, _RNG]), _Cubes(arms, seed, pieces)
     flown = _Flown(arms)
-    asked = [cubes.even(arm) for arm in in_turn(arms, first_count(arms, draws), seed)]
+    first = first_count(arms, draws)
+    asked = [cubes.even(arm) for arm in in_turn(arms, first, seed)]
     flown.add(asked, (yield asked))
     if asked := list(starts[: draws - len(flown)]):
         flown.add(asked, (yield asked))
@@ -86,6 +87,7 @@ def regions(
         now = float(flown.value[flown.open].min()) if flown.open.any() else math.inf
         waited = 0 if now < best - _BETTER or sum(each.violated for each in results) >= 2 else waited + 1
         best = min(best, now)
+    return flown.standing() if len(flown) > first else ""
 
 
 def _expected(flown: _Flown, cubes: _Cubes, count: int, rng: Generator) -> list[Draw]:
@@ -117,6 +119,12 @@ def best_apart(draws: Sequence[Draw], values: Sequence[float]) -> Iterator[int]:
         left = left[~_within(draws[left[0]], arm[left], point[left])]
 
 
+def in_parts(count: int, parts: int) -> NDArray[np.intp]:
+    """Return of each of ``count`` pieces (count,) the first one of its part, of as many about equal ``parts``."""
+    parts = min(parts, count)
+    return np.arange(count) * parts // count * count // parts
+
+
 class _Cubes:
     """Points of the arms: evenly spread, by chance, and near others."""
 
@@ -136,8 +144,8 @@ class _Cubes:
             self._sequences[arm] = Sobol(self._dimensions[arm], scramble=True, rng=rng)
         point = self._sequences[arm].random(1)[0]
         for of in self._pieces:
-            parts = min(1 << (self._drawn[arm] % (1 + math.ceil(math.log2(len(of))))), len(of))
-            point[of] = point[[of[j * parts // len(of) * len(of) // parts] for j in range(len(of))]]
+            parts = 1 << (self._drawn[arm] % (1 + math.ceil(math.log2(len(of)))))
+            point[of] = point[np.array(of)[in_parts(len(of), parts)]]
         self._drawn[arm] += 1
         return Draw(arm, point)
 
@@ -169,7 +177,7 @@ class _Flown:
         self._dimensions = np.array([arm.dimensions for arm in arms])
         self._width, self._closed = int(self._dimensions.max()), list[Draw]()
         self.draws: list[Draw] = []
-        self.enough = ENOUGH
+        self.enough, self._full, self._poor = ENOUGH, 0, 0
         self.value, self._violated, self.open = np.zeros(0), np.zeros(0, bool), np.zeros(0, bool)
         self._arm, self._point = np.zeros(0, np.int64), np.zeros((0, self._width))
         self._tried = np.zeros(len(arms), bool)
@@ -199,12 +207,25 @@ class _Flown:
     def close(self) -> None:
         """Close the region around the best open point; if none is open, open all for twice as many finds."""
         if self.open.any():
+            is_full = self.found() >= self.enough
+            self._full, self._poor = self._full + is_full, self._poor + (not is_full)
             self._closed.append(self.draws[self.ranked()[0]])
             self.open &= ~_within(self._closed[-1], self._arm, self._point)
         else:
             self._closed.clear()
             self.open[:] = True
             self.enough *= 2
+
+    def standing(self) -> str:
+        """Return how many regions are closed, and why; and what the open one has."""
+        which = "last" if self._full or self._poor else "first"
+        parts = [
+            f"{self._full} closed with {ENOUGH} violations or more" if self._full else "",
+            f"{self._poor} closed after {PATIENCE} rounds without a lower robustness" if self._poor else "",
+            f"the {which} is open with {self.found()} violations" if self.open.any() else "none is open",
+        ]
+        again = f"; all were closed, and {self.enough} violations now close one" if self.enough > ENOUGH else ""
+        return f"regions: {', '.join(filter(None, parts))}{again}"
 
     def outside(self, draws: Sequence[Draw]) -> NDArray[np.bool_]:
         """Return whether each point is outside of all closed regions."""

@@ -7,7 +7,7 @@ sent, in their order.  Nothing here needs a campaign or a flight.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol
 
@@ -53,7 +53,19 @@ class Draw:
     point: Point
 
 
-Schedule = Generator[list[Draw], Sequence[Result], None]  # yields draws, is sent their results; the smallest is best
+# Yields draws, is sent their results; the smallest is best.  Its value: how the method stands when no draw is left.
+Schedule = Generator[list[Draw], Sequence[Result], str]
+
+
+def drive(schedule: Schedule, results_of: Callable[[list[Draw]], Sequence[Result]]) -> str:
+    """Let a method draw to its end; return how it stands there, "" if there is nothing to tell."""
+    draws = next(schedule)
+    while True:
+        results = results_of(draws)
+        try:
+            draws = schedule.send(results)
+        except StopIteration as end:
+            return str(end.value)
 
 
 def radius(dimensions: int) -> float:
@@ -85,3 +97,4 @@ def random_draws(arms: Sequence[Space], count: int, seed: int) -> list[Draw]:
 def at_random(arms: Sequence[Space], draws: int, seed: int) -> Schedule:
     """Yield random draws alone."""
     yield random_draws(arms, draws, seed)
+    return ""

@@ -36,8 +36,8 @@ from rig.studies.search import search_result as result
 from rig.studies.search.clusters import clusters
 from rig.studies.search.confirm_worst import Fly, Table
 from rig.studies.search.fly_missing import OF_HEALTHY, Flown, Interrupted, flown, refuse_violated, require_known
-from rig.studies.search.objective import Measured, deciding, measured
-from rig.studies.search.search_plan import ConfirmPlan, SearchPlan
+from rig.studies.search.objective import Measured, measured
+from rig.studies.search.search_plan import ConfirmPlan, Searched, SearchPlan
 from rig.studies.search.trials_first import trial_plan, tried
 from rig.studies.search.worst_cases import worst_cases
 from rig.studies.search.worst_flight import worst_flights
@@ -90,10 +90,10 @@ def run(
             with flown(plan, out, pool, stop, unit, batch) as flights:
                 figures: dict[str, Any] = {}
                 with suppress(Interrupted):  # the flown flights are in the folder; the same command resumes
-                    found = _searched(plan, flights, stop)
+                    found, more = _searched(plan, flights, stop)
                     # in open loop or not
                     with flown(ConfirmPlan(plan), out / CONFIRMED, pool, stop, unit) as others:
-                        figures = _finished(plan, found, others, out, unit)
+                        figures = _finished(plan, found, others, out, unit, more)
                 kill = stop.insisted
                 tables = flights.folder.tables
             runs, took_s = tables["runs"], perf_counter() - began
@@ -101,15 +101,6 @@ def run(
             return Ended(figures, table.sha256(tables), len(runs), took_s, **end, **not_flown(runs))
     finally:
         pool.close(kill)
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """The values that a search measured, and the requirements that it used."""
-
-    ids: tuple[str, ...]
-    results: list[Measured]  # of each draw, in their order
-    trials: dict[str, int]  # figures of those before the flights; empty if there are none
 
 
 def _require_begun_or_new(plan: SearchPlan, out: Path, unit: Unit | None) -> None:
@@ -120,38 +111,29 @@ def _require_begun_or_new(plan: SearchPlan, out: Path, unit: Unit | None) -> Non
             require_place(out / name)
 
 
-def _searched(plan: SearchPlan, flights: Flown, stop: Stop) -> _Found:
-    """Fly the draws; return the value of each.  Interrupted: asked to stop."""
-    trials = tried(plan, stop) if plan.asked.trials_first else None
-    results: list[Measured] = []
-    ids: tuple[str, ...] = ()
-    coming = plan.schedule(starts=trials.starts) if trials else plan.schedule()
-    next(coming)
-    numbers = list(range(len(plan.choices)))  # the first flights are in the plan already
-    while True:
-        rows = flights.rows(numbers)
-        together = plan.of_one_draw
-        draws = [rows[i : i + together] for i in range(0, len(rows), together)]
-        ids = ids or deciding(draws, plan.asked.requirements)  # the draws that no method chose come first
-        new = [measured(draw, ids) for draw in draws]
-        results += new
+def _searched(plan: SearchPlan, flights: Flown, stop: Stop) -> tuple[Searched, dict[str, Any]]:
+    """Fly the draws; return their values, and the figures of trials before them.  Interrupted: asked to stop."""
+
+    def told(results: list[Measured]) -> None:
         least = robustness_text(min(result.robustness for result in results)) or "none yet"
         tell(f"{len(plan.choices)} flights, least robustness {least}", len(plan.choices) - 1, len(plan))
-        try:
-            numbers = plan.add(coming.send(new))
-        except StopIteration:
-            return _Found(ids, results, trials.agreement(results[plan.random :]) if trials else {})
+
+    if not plan.asked.trials_first:
+        return plan.search(flights.rows, told), {}
+    trials = tried(plan, stop)
+    searched = plan.search(flights.rows, told, starts=trials.starts)
+    return searched, {"trials": trials.agreement(searched.results[plan.random :])}
 
 
-def _finished(plan: SearchPlan, searched: _Found, others: Flown, out: Path, unit: Unit | None) -> dict[str, Any]:
-    """Confirm and shrink the worst case of each cluster, write scenarios and page; return the figures."""
+def _finished(
+    plan: SearchPlan, searched: Searched, others: Flown, out: Path, unit: Unit | None, more: dict[str, Any]
+) -> dict[str, Any]:
+    """Confirm and shrink the worst case of each cluster, write scenarios and page; return the figures with ``more``."""
     fly, found = _flying(plan, others, searched.ids), searched.results
     groups = clusters(plan.draws, [each.value for each in found], [each.violated for each in found])
     seeds = (seed_of(plan.campaign, number) for number in count(len(plan) + OF_HEALTHY))
     cases = worst_cases(groups, plan.draws, lambda place: plan.data(place * plan.of_one_draw), seeds, fly)
-    figures = result.figures(plan, found, searched.ids, len(groups), cases, out)
-    if searched.trials:
-        figures["trials"] = searched.trials
+    figures = result.figures(plan, searched, len(groups), cases, out) | more
     for each, name in zip(cases, result.SCENARIOS, strict=False):
         if each.kept.violations:
             result.write_scenario(out / name, plan, each.kept)
@@ -172,6 +154,6 @@ def _flying(plan: SearchPlan, others: Flown, ids: tuple[str, ...]) -> Fly:
             key, value = parse_set(against)
             pairs = [[each, set_key(each, key, value, "--against")] for each in tables]
         rows = others.rows(confirming.add([each for pair in pairs for each in pair]))
-        return [measured(rows[i : i + plan.of_one_draw], ids) for i in range(0, len(rows), plan.of_one_draw)]
+        return [measured(of_draw, ids) for of_draw in plan.by_draw(rows)]
 
     return fly

@@ -14,15 +14,16 @@ from rig.studies.campaign.campaign_file import Campaign
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.searched import types_of
 from rig.studies.search.cma_es import cma
-from rig.studies.search.objective import beside
+from rig.studies.search.objective import Measured, beside, deciding, measured
 from rig.studies.search.regions import forest_version, regions
-from rig.studies.search.rounds import Draw, Method, Schedule, at_random
+from rig.studies.search.rounds import Draw, Method, Schedule, at_random, drive
 from rig.studies.search.space import arms
 from rig.verdict.requirements.requirement import Requirement
 
 MOST_CONFIRMING: Final = 100_000
 SEARCH: Final = "search"  # of campaign.json
 METHODS: Final[dict[Method, Callable[..., Schedule]]] = {"regions": regions, "cma": cma, "random": at_random}
+Row = dict[str, Any]  # of ``runs``
 SCENARIO: Final = "scenario"  # column of a confirming flight: the scenario's own table
 
 
@@ -42,6 +43,15 @@ class Asked:
     def of_one_draw(self) -> int:
         """Return the number of flights of a draw."""
         return 1 if self.against is None else 2
+
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """The values of all draws, and the requirements that were used."""
+
+    ids: tuple[str, ...]
+    results: list[Measured]  # of each draw, in their order
+    standing: str  # of the method when no draw was left
 
 
 class SearchPlan(Plan):
@@ -76,6 +86,32 @@ class SearchPlan(Plan):
     def schedule(self, **of_method: Any) -> Schedule:
         """Return the draws of the method, from the first one; ``of_method``: its own keywords."""
         return METHODS[self.asked.method](self.arms, self.most_draws, self.asked.seed, **of_method)
+
+    def search(
+        self, rows_of: Callable[[list[int]], list[Row]], told: Callable[[list[Measured]], None], **of_method: Any
+    ) -> Searched:
+        """Draw to the end, a round after the other.
+
+        rows_of : returns the rows of runs by their numbers; told : gets all results so far after each round
+        """
+        ids: tuple[str, ...] = ()
+        results: list[Measured] = []
+
+        def results_of(draws: list[Draw]) -> list[Measured]:
+            nonlocal ids
+            rows = rows_of(self.add(draws) if results else list(range(len(self.choices))))  # it has the first ones
+            of_draws = self.by_draw(rows)
+            ids = ids or deciding(of_draws, self.asked.requirements)  # the draws that no method chose come first
+            results.extend(new := [measured(of_draw, ids) for of_draw in of_draws])
+            told(results)
+            return new
+
+        standing = drive(self.schedule(**of_method), results_of)
+        return Searched(ids, results, standing)
+
+    def by_draw(self, rows: Sequence[Row]) -> list[Sequence[Row]]:
+        """Return the rows of flights, those of each draw together."""
+        return [rows[i : i + self.of_one_draw] for i in range(0, len(rows), self.of_one_draw)]
 
     @property
     def most_draws(self) -> int:

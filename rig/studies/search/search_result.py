@@ -14,7 +14,7 @@ from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.confirm_worst import Confirmed
 from rig.studies.search.fault_sentences import fault_places, fault_sentences, shown
 from rig.studies.search.objective import Measured
-from rig.studies.search.search_plan import SearchPlan
+from rig.studies.search.search_plan import Searched, SearchPlan
 from rig.studies.search.worst_cases import Case
 from rig.verdict.requirements.requirement import load_requirements, names
 from rig.verdict.requirements.robustness import number_of
@@ -22,14 +22,11 @@ from rig.verdict.requirements.robustness import number_of
 FIGURES, PICTURE, *SCENARIOS = BESIDE_RUNS  # a scenario of each case
 
 
-def figures(
-    plan: SearchPlan, found: Sequence[Measured], ids: Sequence[str], clusters: int, cases: Sequence[Case], out: Path
-) -> dict[str, Any]:
-    """Return the figures of a search.
-
-    found : of each draw; ids : of the requirements that were used; clusters : in all; cases : of the first ones
-    """
-    at_random, flights, most = sum(each.violated for each in found[: plan.random]), len(plan.choices), len(plan)
+def figures(plan: SearchPlan, searched: Searched, clusters: int, cases: Sequence[Case], out: Path) -> dict[str, Any]:
+    """Return the figures of a search; clusters : in all; cases : of the first ones."""
+    found, flights, most = searched.results, len(plan.choices), len(plan)
+    at_random = sum(each.violated for each in found[: plan.random])
+    spent = f"all {most} flights are flown" if flights == most else f"no further draw fits into {most} flights"
     return {
         "flights": flights,
         "violated": sum(each.violated for each in found),
@@ -39,8 +36,8 @@ def figures(
             _of_case(plan, found, each, out / name) for each, name in zip(cases, SCENARIOS, strict=False)
         ],
         "random": {"flights": plan.random, "violated": at_random, "upper_95": at_most(at_random, plan.random)},
-        "ended": f"all {most} flights are flown" if flights == most else f"no further round fits into {most} flights",
-        "left_out": [each for each in plan.asked.requirements if each not in ids],
+        "ended": "; ".join(filter(None, [spent, searched.standing])),
+        "left_out": [each for each in plan.asked.requirements if each not in searched.ids],
     }  # fmt: skip
 
 

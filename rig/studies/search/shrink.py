@@ -6,10 +6,10 @@ step is kept if MOST of a few seeds violate with it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Final
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final, TypeVar
 
-from rig.studies.search.confirm_worst import Fly, Table, confirm
+from rig.studies.search.confirm_worst import Fly, Table, counting
 from rig.world.faults import KINDS
 
 SEEDS: Final = 5
@@ -21,43 +21,54 @@ _SMALLER: Final = (0.5, 0.75)  # times all sizes
 _ONE_SMALLER: Final = 0.5  # times one size
 _LATER_S: Final = (2.0, 1.0, 0.5)
 _DIGITS: Final = 2
+T = TypeVar("T")
+Step = Callable[[T], Iterator[T]]  # yields simpler ones, the simplest first
 
 
 def shrink(table: Table, seeds: Sequence[int], fly: Fly) -> list[Table]:
     """Return the given table, then each simpler one that violates on MOST of ``seeds``, the simplest last."""
-    left, kept = TRIES, [table]
-    for step in (_no_fault, _fewer_faults, _calmer, _rounded, _smaller, _later):
+    steps = (_no_fault, _fewer_faults, _calmer, _rounded, _smaller, _later)
+    return shrunk(table, steps, lambda tried: on_most(tried, seeds, counting(fly)), once=(_rounded,))
+
+
+def shrunk(given: T, steps: Sequence[Step[T]], violates: Callable[[T], bool], once: Sequence[Step[T]] = ()) -> list[T]:
+    """Return ``given``, then each simpler one that violates, the simplest last, after at most TRIES.
+
+    A step is taken again from what it made, until nothing of it violates; of ``once`` a single time.
+    """
+    left, kept = TRIES, [given]
+    for step in steps:
         held = True
-        while held:  # again from the kept scenario, until no step succeeds
+        while held:
             held = False
             for tried in step(kept[-1]):
                 if left == 0:
                     return kept
                 left -= 1
-                if _violates(tried, seeds, fly):
+                if violates(tried):
                     kept.append(tried)
-                    held = step is not _rounded
+                    held = step not in once
                     break
     return kept
 
 
-def simplest(kept: Sequence[Table], seeds: Sequence[int], fly: Fly) -> Table:
+def simplest(kept: Sequence[T], seeds: Sequence[int], violations: Callable[[T, Sequence[int]], int]) -> T:
     """Return the last of ``kept`` that violates on the same share of other seeds; the first if none of BACK does.
 
     The share on ``seeds`` is that of a choice: no share to tell.
     """
-    for table in reversed(kept[1:][-BACK:]):
-        if confirm([table], seeds, fly)[0].violations * SEEDS >= MOST * len(seeds):
-            return table
+    for each in reversed(kept[1:][-BACK:]):
+        if violations(each, seeds) * SEEDS >= MOST * len(seeds):
+            return each
     return kept[0]
 
 
-def _violates(table: Table, seeds: Sequence[int], fly: Fly) -> bool:
-    """Return whether a scenario violates on MOST of the seeds; fly no more than it takes."""
-    first = confirm([table], seeds[:MOST], fly)[0].violations
+def on_most(tried: T, seeds: Sequence[int], violations: Callable[[T, Sequence[int]], int]) -> bool:
+    """Return whether ``tried`` violates on MOST of the seeds; use no more of them than it takes."""
+    first = violations(tried, seeds[:MOST])
     if first == MOST or first + len(seeds) - MOST < MOST:
         return first == MOST
-    return first + confirm([table], seeds[MOST:], fly)[0].violations >= MOST
+    return first + violations(tried, seeds[MOST:]) >= MOST
 
 
 def _no_fault(table: Table) -> Iterator[Table]:

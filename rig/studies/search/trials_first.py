@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Final
+from typing import Final
 
 from rig.core.errors import BadInput
 from rig.core.interrupt import Stop
 from rig.core.progress import tell
 from rig.studies.search import open_loop
 from rig.studies.search.fly_missing import Interrupted
-from rig.studies.search.objective import VOTE, Measured, deciding, measured
+from rig.studies.search.objective import VOTE, Measured
 from rig.studies.search.regions import best_apart
 from rig.studies.search.rounds import Draw
-from rig.studies.search.search_plan import Asked, SearchPlan
+from rig.studies.search.search_plan import Asked, Row, SearchPlan
 
 TIMES: Final = 10  # trials for each draw of the search
 ROUND: Final = 40  # trials
@@ -59,27 +59,19 @@ def trial_plan(plan: SearchPlan) -> SearchPlan:
 def tried(plan: SearchPlan, stop: Stop) -> Tried:
     """Make the trials of a search.  Interrupted: asked to stop."""
     trials = trial_plan(plan)
-    coming, numbers = trials.schedule(size=ROUND), list(range(len(trials.choices)))
-    next(coming)
-    ids: tuple[str, ...] = ()
-    results: list[Measured] = []
-    together = trials.of_one_draw
-    while True:
-        rows = [_row(trials, number, stop) for number in numbers]
-        draws = [rows[i : i + together] for i in range(0, len(rows), together)]
-        ids = ids or deciding(draws, trials.asked.requirements)
-        results += (new := [measured(draw, ids) for draw in draws])
+
+    def rows_of(numbers: list[int]) -> list[Row]:
+        rows = []
+        for number in numbers:
+            if stop.requested:
+                raise Interrupted
+            rows.append(open_loop.trial_row(trials[number], trials.requirements))
+        return rows
+
+    def told(_: list[Measured]) -> None:
         tell(f"{len(trials.choices)} open-loop trials", len(trials.choices) - 1, len(trials))
-        try:
-            numbers = trials.add(coming.send(new))
-        except StopIteration:
-            return _best(plan, trials, results)
 
-
-def _row(trials: SearchPlan, number: int, stop: Stop) -> dict[str, Any]:
-    if stop.requested:
-        raise Interrupted
-    return open_loop.trial_row(trials[number], trials.requirements)
+    return _best(plan, trials, trials.search(rows_of, told, size=ROUND).results)
 
 
 def _best(plan: SearchPlan, trials: SearchPlan, results: list[Measured]) -> Tried:

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from rig.core.progress import tell
 from rig.studies.search import confirm_worst
 from rig.studies.search.clusters import Cluster, apart
-from rig.studies.search.confirm_worst import Confirmed, Fly, Table, confirm, worst
+from rig.studies.search.confirm_worst import Confirmed, Fly, Table, confirm, counting, worst
 from rig.studies.search.rounds import Draw
 from rig.studies.search.shrink import SEEDS, UNDO_SEEDS, shrink, simplest
 
@@ -48,7 +48,7 @@ def worst_cases(
         candidates = confirm([table_of(place) for place in places], take(SEEDS), fly)
         chosen = worst(candidates)
         tell(f"shrinking cluster {of}")
-        smallest = simplest(shrink(chosen.table, take(SEEDS), fly), take(UNDO_SEEDS), fly)
+        smallest = simplest(shrink(chosen.table, take(SEEDS), fly), take(UNDO_SEEDS), counting(fly))
         told = [chosen.table] if smallest == chosen.table else [chosen.table, smallest]
         flown = confirm(told, take(confirm_worst.SEEDS), fly)
         cases.append(Case(cluster, places[candidates.index(chosen)], flown[0], flown[-1]))

@@ -7,27 +7,36 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from rig.core.outputs import BESIDE_RUNS
 from rig.studies.campaign.study_folder import write_whole
-from rig.studies.search.plants.plant_clusters import confirmed, found_in
-from rig.studies.search.plants.plant_rounds import Simulated, Simulating, seeds_of
+from rig.studies.search.plants.plant_call import Columns
+from rig.studies.search.plants.plant_clusters import confirmed, found_in, inputs_of
+from rig.studies.search.plants.plant_rounds import Simulated, Simulating
 from rig.studies.search.rounds import Draw, first_count
 from rig.verdict.requirements.robustness import number_of
 
-FIGURES: Final = BESIDE_RUNS[0]
+FIGURES, PICTURE, *_ = BESIDE_RUNS
 
 
 def figures_of(
-    simulating: Simulating, draws: Sequence[Draw], results: Sequence[Simulated], seed: int, out: Path | None
+    simulating: Simulating,
+    draws: Sequence[Draw],
+    results: Sequence[Simulated],
+    seed: int,
+    standing: str,
+    out: Path | None,
 ) -> dict[str, Any]:
-    """Return the figures of a search, and write them and the traces of its clusters into ``out``."""
+    """Return the figures of a search, and write them and the traces of its clusters into ``out``.
+
+    standing : of the method at its end
+    """
     first, found = first_count(simulating.space.arms, len(draws)), found_in(draws, results)
-    failed = [each.failed for each in results if each.failed]
-    told = confirmed(simulating, draws, results, found, seed)
+    failed = [i for i, each in enumerate(results) if each.failed]
+    cases = confirmed(simulating, draws, results, found, seed)
     figures = {
         "simulations": len(results),
         "violated": sum(each.violated for each in results),
@@ -36,19 +45,33 @@ def figures_of(
         "robustness": number_of(min(each.robustness for each in results)),
         "first": {"simulations": first, "violated": sum(each.violated for each in results[:first])},
         "failed": len(failed),
-        "first_reason": failed[0] if failed else None,
+        "first_failed": _of_failed(simulating, draws[failed[0]], results[failed[0]], failed[0]) if failed else None,
         "printed": next((each.printed for each in results if each.printed), None),
         "clusters_found": len(found),
-        "clusters": told,
+        "clusters": [each.figures for each in cases],
+        "ended": "; ".join(filter(None, [f"all {len(results)} simulations are run", standing])),
     }
     if out is not None:
-        repeats = simulating.space.plan.repeats
-        for number, each in enumerate(told, 1):
-            path, place = out / f"cluster_{number}.csv", each["number"] - 1
-            write_trace(path, simulating, draws[place], seeds_of(seed, place * repeats, 1)[0])
-            each["trace"] = str(path)
+        traces: list[plant_page.Traces] = []
+        for number, each in enumerate(cases, 1):
+            path = out / f"cluster_{number}.csv"
+            traces.append(
+                (
+                    columns_of(simulating, each.draw, each.seeds),
+                    columns_of(simulating, each.smallest, each.smallest_seeds),
+                )
+            )
+            write_trace(path, simulating, traces[-1][0])
+            each.figures["trace"] = str(path)
         write_whole(out / FIGURES, json.dumps(figures, indent=1, allow_nan=False).encode())
+        from rig.studies.search.plants import plant_page  # plotly takes a second to be imported
+
+        plant_page.write(out / PICTURE, simulating, draws, results, figures, traces)
     return figures
+
+
+def _of_failed(simulating: Simulating, draw: Draw, result: Simulated, place: int) -> dict[str, Any]:
+    return {"number": place + 1, "reason": result.failed, "inputs": inputs_of(simulating, draw)}
 
 
 def _by_requirement(simulating: Simulating, results: Sequence[Simulated]) -> dict[str, int]:
@@ -56,12 +79,17 @@ def _by_requirement(simulating: Simulating, results: Sequence[Simulated]) -> dic
     return {name: sum(name in each.violating for each in results) for name in ids}
 
 
-def write_trace(path: Path, simulating: Simulating, draw: Draw, seed: int) -> None:
-    """Simulate a draw once more and write its inputs and columns as CSV, a row for each frame."""
-    columns = simulating.outcomes([simulating.call(draw, seed, None)])[0].columns
-    if columns is None:
-        return
-    count = len(next(iter(columns.values())))
+def columns_of(simulating: Simulating, draw: Draw, seeds: Sequence[int]) -> Columns:
+    """Simulate a draw once more; return all columns (n,) with the seed of the least robustness; empty: it fails now."""
+    outcomes = simulating.outcomes([simulating.call(draw, seed, None) for seed in seeds])
+    made = [each.columns for each in outcomes if each.columns is not None]
+    least = lambda columns: min(each.robustness for each in simulating.subject.verdicts(columns))  # noqa: E731
+    return min(made, key=least, default={})
+
+
+def write_trace(path: Path, simulating: Simulating, columns: Columns) -> None:
+    """Write the inputs and columns (n,) of a simulation as CSV, a row for each frame."""
+    count = len(next(iter(columns.values()), ()))
     time_s = (np.arange(count) / simulating.space.plan.rate_hz).tolist()
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -104,7 +104,7 @@ class Simulating:
         self, space: PlantSpace, subject: PlantSubject, runner: Runner, folder: PlantFolder, stop: Stop
     ) -> None:
         self.space, self.subject, self._runner, self._folder, self._stop = space, subject, runner, folder, stop
-        self.takes_seed = "seed" in runner.takes().names
+        self.takes_seed, self.called = "seed" in runner.takes().names, runner.called
 
     def round(self, name: str, draws: Sequence[Draw], seeds: Sequence[Sequence[int]]) -> list[Simulated]:
         """Return the results of ``draws``, each with its ``seeds``.  Interrupted: asked to stop before all were run."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -30,7 +30,7 @@ from rig.studies.search.plants.plant_space import PlantSpace, space_of
 from rig.studies.search.plants.plant_subject import PlantSubject
 from rig.studies.search.plants.plant_workers import Runner
 from rig.studies.search.regions import forest_version, regions
-from rig.studies.search.rounds import Draw, Schedule, at_random
+from rig.studies.search.rounds import Draw, Schedule, at_random, drive
 from rig.verdict.requirements.robustness import robustness_text
 
 _TRIED: Final = 8  # points at which a plant may fail before it is refused
@@ -96,10 +96,13 @@ def search_plant(
             warnings = tuple(filter(None, [subject.unlike(columns)]))
             with folder.held():
                 simulating = Simulating(space, subject, runner, folder, stop)
-                for new, found in rounds(simulating, asked):
-                    draws += new
-                    results += found
-                figures = figures_of(simulating, draws, results, asked.seed, out)
+
+                def told(new: Sequence[Draw], found: Sequence[Simulated]) -> None:
+                    draws.extend(new)
+                    results.extend(found)
+
+                standing = simulate_all(simulating, asked, told)
+                figures = figures_of(simulating, draws, results, asked.seed, standing, out)
         except Interrupted:
             ended: dict[str, Any] = {"figures": {}, "interrupted": True, "signal": stop.signal}
         else:
@@ -146,11 +149,17 @@ def first_columns(space: PlantSpace, runner: Runner, seed: int, stop: Stop) -> C
     raise BadInput(f"{runner.called}: failed at {_TRIED} of {_TRIED} points; at the centre of the ranges: {reason}")
 
 
-def rounds(simulating: Simulating, asked: PlantAsked) -> Iterator[tuple[list[Draw], list[Simulated]]]:
-    """Yield the draws of each round with their results, the draws of the method in parts."""
-    coming, done, least, number = schedule(simulating.space, asked), 0, np.inf, 0
-    repeats, draws = simulating.space.plan.repeats, next(coming)
-    while True:
+def simulate_all(
+    simulating: Simulating, asked: PlantAsked, told: Callable[[Sequence[Draw], Sequence[Simulated]], None]
+) -> str:
+    """Simulate the draws of the method to its end; return how it stands there.
+
+    told : gets each part of a round, the draws and their results
+    """
+    repeats, done, number, least = simulating.space.plan.repeats, 0, 0, np.inf
+
+    def results_of(draws: list[Draw]) -> list[Simulated]:
+        nonlocal done, number, least
         results: list[Simulated] = []
         for first in range(0, len(draws), _PART):
             part = draws[first : first + _PART]
@@ -161,11 +170,10 @@ def rounds(simulating: Simulating, asked: PlantAsked) -> Iterator[tuple[list[Dra
             if done * 10 // asked.simulations > (done - len(part)) * 10 // asked.simulations:  # a line each tenth
                 shown = robustness_text(least) or "none yet"
                 tell(f"{done} simulations, least robustness {shown}", done - 1, asked.simulations)
-            yield part, found
-        try:
-            draws = coming.send(results)
-        except StopIteration:
-            return
+            told(part, found)
+        return results
+
+    return drive(schedule(simulating.space, asked), results_of)
 
 
 def schedule(space: PlantSpace, asked: PlantAsked) -> Schedule:
