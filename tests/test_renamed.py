@@ -109,6 +109,12 @@ def test_an_old_option_is_one_line(old: str, rig_command: Any):
     assert (code, err) == (2, f"error: {old} is now called {renamed.OPTIONS[old]}\n")
 
 
+def test_an_option_that_is_gone_is_one_line(rig_command: Any):
+    for option, instead in renamed.GONE_OPTIONS.items():
+        code, _, err = rig_command("thresholds", "x", option)
+        assert (code, err) == (2, f"error: {option} is gone: {instead}\n")
+
+
 def test_an_old_quantity_is_one_line():
     with pytest.raises(Refused, match=r"twin\.voted\.pitch_rate is now called baseline\.voted\.pitch_rate"):
         check_names("always[0, 1] twin.voted.pitch_rate < 1")
