@@ -8,10 +8,11 @@ from benchmark_flights import RATE_HZ, white, white_signal
 from scipy.stats import chi2
 
 import rig
+from rig.computer.redundancy.slow_tests_config import SlowTests
 from rig.core.errors import BadInput
 from rig.studies.benchmark.calibration import calibrate, require_time
 from rig.studies.benchmark.calibration_data import measured, read
-from rig.studies.benchmark.entrants import EQUALISED, OURS, SLOW_FAULTS, Entrant, entrants, isolates_no_channel, levels
+from rig.studies.benchmark.entrants import OURS, TESTS, TESTS_AND_SUMS, Entrant, entrants, isolates_no_channel, levels
 from rig.studies.benchmark.healthy_flights import isolations, transients
 
 
@@ -35,26 +36,37 @@ def test_a_calibrated_manager_keeps_the_budget_in_other_flights_and_three_quarte
     assert isolations(entrant, signal, smaller, others) > 25
 
 
-def test_a_learned_bias_lets_ours_see_less_where_channels_differ_by_constants():
+def test_tests_leave_the_threshold_and_isolate_no_healthy_channel_nor_one_with_a_burst():
     healthy = white(0.01, 10, 6000)
-    biases = np.random.default_rng(3).uniform(-0.3, 0.3, (10, 4))
+    biases = np.random.default_rng(3).uniform(-0.2, 0.2, (10, 4))
     flights = [f._replace(samples=f.samples + b) for f, b in zip(healthy.flights["pitch_rate"], biases, strict=True)]
     healthy = healthy._replace(flights={"pitch_rate": flights})
-    signal = white_signal(8)
-    plain, biased = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, EQUALISED))
-    assert biased.shown["outlier_threshold"] < 0.3 * plain.shown["threshold"]
-    assert plain.seen is not None and biased.seen is not None
-    assert plain.seen + biased.seen <= 6  # 3.3 each are allowed in ten minutes
-    for made in (plain, biased):
+    signal = white_signal(8)._replace(sensor=SlowTests(noise_std=0.01, bias_tolerance=0.15))
+    plain, tested = (calibrate(Entrant(name, OURS), signal, healthy, 20.0) for name in (OURS, TESTS))
+    assert tested.shown["threshold"] == plain.shown["threshold"] and 1.1 <= tested.shown["factor"] < 1.6
+    assert tested.values["slow_means"] == tested.shown["factor"] and plain.values["slow_means"] == 0.0
+    assert tested.keys["slow_tests"]["noise_std"] == 0.01
+    assert plain.seen is not None and tested.seen is not None
+    assert plain.seen + tested.seen <= 6  # 3.3 each are allowed in ten minutes
+    for made in (plain, tested):
         found = transients(Entrant(made.manager, OURS), signal, made.values, flights)
         assert [(row["failed"], row["bursts"]) for row in found if row["frames"] == 7] == [(0, 110), (0, 110)]
 
 
+def test_a_signal_whose_sensor_states_no_noise_has_no_tests_and_that_is_told():
+    signal = white_signal(8)._replace(sensor=None)
+    found = calibrate(Entrant(TESTS, OURS), signal, white(0.01, 10, 3000), 20.0)
+    assert found.values["slow_means"] == 0.0 and "no slow-fault tests: CONFIG states no" in found.notes[0]
+
+
 @pytest.mark.long
-def test_all_that_lasts_is_what_thresholds_chooses_sums_where_noise_dominates():
-    found = calibrate(Entrant(SLOW_FAULTS, OURS), white_signal(8), white(0.1, 10, 9000), 20.0)
-    assert 0.0 < found.values["slow_allowance"] < 0.1 and found.values["slow_limit"] > 24 * 0.05
-    assert found.keys["slow_allowance"] == found.values["slow_allowance"]
+def test_tests_and_sums_are_what_thresholds_chooses_sums_where_noise_dominates():
+    signal = white_signal(8)._replace(sensor=SlowTests(noise_std=0.1, bias_tolerance=0.01))
+    found = calibrate(Entrant(TESTS_AND_SUMS, OURS), signal, white(0.1, 10, 9000), 20.0)
+    assert found.values["slow_means"] >= 1.1
+    if found.values["slow_limit"]:  # beside the tests the sums must find more, or they stay off
+        assert 0.0 < found.values["slow_allowance"] < 0.1 and found.values["slow_limit"] > 24 * 0.05
+        assert found.keys["slow_allowance"] == found.values["slow_allowance"]
 
 
 def test_a_budget_that_no_level_reaches_is_told_with_what_was_counted():

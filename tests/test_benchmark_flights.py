@@ -19,7 +19,7 @@ from rig.studies.reliability.drawn import cell, drawn_values
 
 CUSUM, MEDIAN, OWN = Entrant("cusum", "cusum"), Entrant("median", "median"), Entrant(OURS, OURS)
 VALUES = {"cusum": {"allowance": 0.3}, "median": {}, OURS: {}}
-KEYS = {OURS: {"threshold": 0.02, "outlier_threshold": 0.02, "outlier_threshold_triplex": 0.02, "persistence": 20}}
+KEYS = {OURS: {"threshold": 0.02, "threshold_triplex": 0.03, "persistence": 20}}
 
 
 @pytest.fixture(scope="module")

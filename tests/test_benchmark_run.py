@@ -107,8 +107,8 @@ def test_the_second_campaign_is_counted_for_those_that_can_fail_somebody(whole: 
     counted = {row["manager"]: row for row in whole[1]["second"]}
     assert set(counted) == {
         "cross-channel",
-        "cross-channel equalised",
-        "cross-channel slow",
+        "cross-channel tests",
+        "cross-channel tests and sums",
         "cross-channel built-in",
         "cusum",
     }
@@ -222,7 +222,7 @@ def faulty(folder: Path, text: str) -> Path:
         ),
         ({"--managers": "cross-channel"}, "", "--managers: name one or more besides cross-channel"),
         ({}, "[set]\nfaults = []\n", "no fault to detect"),
-        ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: at most the threshold"),
+        ({}, '[set]\n"redundancy.signals.pitch_rate.equalise_bound" = 9.0\n', "equalise_bound: is gone: slow_tests"),
         ({"--plot": "benchmark.txt"}, "", "must end with .html"),
     ],
 )

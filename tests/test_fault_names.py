@@ -46,10 +46,7 @@ def test_a_log_tells_title_thresholds_and_faults_as_its_scenario_does(name: str)
     signals: Any = scenario.redundancy.signals
     assert facts == of_resolved(scenario.resolved())
     assert facts.title == (scenario.title or scenario.aircraft)
-    by_channels = scenario.redundancy.manager == "cross-channel"
-    each = {name: getattr(signals, name) for name in type(signals).model_fields}
-    limits = {name: (one.outlier_threshold if by_channels else None) or one.threshold for name, one in each.items()}
-    assert facts.thresholds == limits
+    assert facts.thresholds == {name: getattr(signals, name).threshold for name in type(signals).model_fields}
     assert [fault.label for fault in facts.faults] == [fault.label for fault in scenario.faults]
 
 

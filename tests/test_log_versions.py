@@ -18,6 +18,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from rig.bench.replay.before_after import rules_gone
 from rig.bench.replay.vote_again import vote_again
 from rig.cli import main as cli
 from rig.core import renamed
@@ -139,7 +140,37 @@ def test_a_log_topic_by_topic_of_an_older_version_is_read_and_replayed(run: Any,
     log = Path(shutil.copy(LOGS / f"flight_schema_{version}.mcap", tmp_path))
     rows = read_log(log).rows
     assert rows["frame"].tolist() == list(range(40)) and np.isfinite(rows["voted"]).all()
-    assert run("replay", log)[0] == 0 and run("score", log)[0] == 0
+    assert run("score", log)[0] == 0
+    code, out, _ = run("replay", log)
+    assert code == 0 and out.count("which this version does not have") == 1
+    assert (
+        "the log was flown with isolation thresholds, which this version does not have: decisions can differ\n" in out
+    )
+    code, out, _ = run("replay", log, "--set", "redundancy.signals.pitch_rate.persistence=4")
+    assert code == 0 and "the log was flown with isolation thresholds, which" in out
+    code, out, _ = run("replay", log, "--json")
+    assert any("flown with isolation thresholds" in note for note in json.loads(out)["notes"])
+
+
+@pytest.mark.parametrize(
+    ("manager", "signal", "says"),
+    [
+        ("cross-channel", {"outlier_threshold": 0.01}, "isolation thresholds, which"),
+        ("cross-channel", {"outlier_threshold_triplex": 0.01}, "isolation thresholds, which"),
+        ("cross-channel", {"outlier_threshold": None, "bias_bound": 0.1, "bias_s": 1.0}, "channel equalisation, which"),
+        (
+            *("mine:Class", {"outlier_threshold": 0.01, "equalise_bound": 0.1}),
+            "isolation thresholds and channel equalisation, which",
+        ),
+        ("cross-channel", {"outlier_threshold": None, "equalise_bound": 0.0, "equalise_s": 10.0}, None),
+        ("mean", {"outlier_threshold": 0.01}, None),
+        ("cross-channel", {"threshold": 1.0}, None),
+    ],
+)
+def test_rules_that_are_gone_are_told_where_they_were_on(manager: str, signal: dict[str, Any], says: str | None):
+    metadata = {"scenario": json.dumps({"redundancy": {"manager": manager, "signals": {"heading": signal}}})}
+    notes = rules_gone(metadata)
+    assert [f"the log was flown with {says}" in note for note in notes] == ([] if says is None else [True])
 
 
 def test_a_cut_log_frame_by_frame_is_mended(tmp_path: Path):

@@ -218,11 +218,7 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         "threshold": 0.5,
         "threshold_triplex": 0.5,
         "threshold_duplex": 0.5,
-        "outlier_threshold": 0.0,
-        "outlier_threshold_triplex": 0.0,
         "filter_gain": 0.0,
-        "equalise_bound": 0.0,
-        "equalise_gain": 0.001,
         "slow_allowance": 0.0,
         "slow_limit": 0.0,
         "stale_frames": 0,
@@ -258,8 +254,6 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
         threshold=0.5,
         threshold_triplex=0.6,
         threshold_duplex=0.8,
-        outlier_threshold=0.2,
-        outlier_threshold_triplex=0.3,
         filter_s=0.02,
         reference_threshold=0.7,
         mean="trend-weighted",
@@ -270,7 +264,6 @@ def test_settings_become_a_record_in_frames_with_their_defaults():
     fill(row[0], chosen, (-1.0, 2.0), 4, False, 100.0)
     assert (row["reference_threshold"][0], row["weighted"][0], row["wraps"][0]) == (0.7, 1, 0)
     assert (row["threshold_triplex"][0], row["threshold_duplex"][0]) == (0.6, 0.8)
-    assert (row["outlier_threshold"][0], row["outlier_threshold_triplex"][0]) == (0.2, 0.3)
     assert row["filter_gain"][0] == pytest.approx(1.0 - np.exp(-0.5))
     assert (row["deviation"][0], row["deviation_frames"][0]) == (2.0, 50.0)
     row = np.zeros(1, PARAMS)
@@ -312,10 +305,6 @@ def test_a_reset_is_commanded_in_the_first_frame_not_before_it():
         {"tie_break": ["ilm", "ilm"]},
         {"tie_break": ["oracle"]},
         {"mean": "mode"},
-        {"outlier_threshold": 1.01},
-        {"outlier_threshold": 0.0},
-        {"threshold_triplex": 2.0, "outlier_threshold_triplex": 2.1},
-        {"outlier_threshold_triplex": 1.1},
     ],
 )
 def test_impossible_settings_of_a_signal_are_refused(bad):

@@ -68,6 +68,31 @@ def test_an_offset_of_two_noises_is_found_with_its_rule():
     assert vote_samples(samples, threshold=THRESHOLD).failed_at() == [None] * 4
 
 
+def test_small_steps_of_two_channels_are_found_one_after_the_other_and_two_left_are_kept():
+    """Of the three that are left the means begin again and are full within a second; two have no majority."""
+    samples = noise(17, 3000)
+    samples[1200:, 2] += 4.0 * SIGMA
+    samples[1800:, 0] -= 4.0 * SIGMA
+    out = vote(samples)
+    failed = out.failed_at()
+    assert 1200 < (failed[2] or 0) < 1300 and 1800 < (failed[0] or 0) < 1900
+    assert failed[1] is None and failed[3] is None and out.level[-1] == 2
+    samples[2400:, 1] += 20.0 * SIGMA
+    assert vote(samples).failed_at() == failed
+
+
+def test_two_small_steps_at_once_in_opposite_directions_isolate_neither_healthy_channel():
+    samples = noise(18, 3000)
+    samples[1500:, 0] += 4.0 * SIGMA
+    samples[1500:, 3] -= 4.0 * SIGMA
+    assert [vote(samples).failed_at()[c] for c in (1, 2)] == [None, None]
+
+
+def test_no_vote_is_moved_while_no_channel_is_isolated():
+    samples = noise(19, 1500) + np.array([0.08, 0.03, 0.0, -0.05])
+    assert (vote(samples).voted == vote_samples(samples, threshold=THRESHOLD).voted).all()
+
+
 def test_a_factor_multiplies_what_is_found():
     samples = noise(2, 4000)
     samples[1500:, 2] += 5.0 * SIGMA
@@ -101,6 +126,17 @@ def test_a_burst_isolates_no_channel_however_large(frames: int, size: float, fil
         samples = noise(at, at + 600)
         samples[at : at + frames, 1] += size * THRESHOLD
         assert vote(samples, truth(at, len(samples)), filter_s=filter_s).failed_at() == [None] * 4
+
+
+@pytest.mark.parametrize(("out", "most"), [([3], 7), ([0, 3], 3)])
+@pytest.mark.parametrize("size", [10.0, -100.0])
+def test_nor_does_a_burst_among_three_or_of_two_left(out: list[int], most: int, size: float):
+    for frames, at in ((1, 520), (1, 1000), (3, 1000), (most, 520), (most, 1000)):
+        samples = noise(at, at + 600)
+        samples[500:, out] += 9.0
+        samples[at : at + frames, 1] += size * THRESHOLD
+        failed = vote(samples, truth(at, len(samples))).failed_at()
+        assert [c for c in range(4) if failed[c] is not None] == out, (frames, at)
 
 
 def test_vibration_that_all_channels_have_isolates_none():

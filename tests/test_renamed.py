@@ -32,8 +32,6 @@ SCENARIO_KEYS = {
     "resolvers": (f"{OF_SIGNAL}.resolvers=[]", f"{OF_SIGNAL}.resolvers"),
     "singular_persistence": (f"{OF_SIGNAL}.singular_persistence=3", f"{OF_SIGNAL}.singular_persistence"),
     "singular_persistence_s": (f"{OF_SIGNAL}.singular_persistence_s=0.1", f"{OF_SIGNAL}.singular_persistence_s"),
-    "bias_bound": (f"{OF_SIGNAL}.bias_bound=0.1", f"{OF_SIGNAL}.bias_bound"),
-    "bias_s": (f"{OF_SIGNAL}.bias_s=2.0", f"{OF_SIGNAL}.bias_s"),
     "rivals": ("redundancy.rivals.cusum.limit=3.0", "redundancy.rivals"),
     "command_singular_s": ("computers.command_singular_s=0.2", "computers.command_singular_s"),
 }
@@ -68,11 +66,34 @@ def test_an_old_key_of_a_campaign_and_of_a_configuration_is_one_line(rig_command
     (tmp_path / "in.csv").write_text("time_s,x_1,x_2\n0,1,1\n0.1,1,1\n")
     code, _, err = rig_command("vote", "in.csv", "--config", "v.toml", "--out", "o.csv")
     assert (code, err) == (2, "error: v.toml: rivals: is now called baselines\n")
-    for table, key in (("default", "resolvers"), ("signal.x", "singular_persistence"), ("default", "bias_bound")):
+    for table, key in (("default", "resolvers"), ("signal.x", "singular_persistence")):
         (tmp_path / "v.toml").write_text(f"[{table}]\n{key} = 1.0\n[signal.y]\nthreshold = 1.0\n")
         code, _, err = rig_command("vote", "in.csv", "--config", "v.toml", "--out", "o.csv")
         assert (code, err) == (2, f"error: v.toml: {table}.{key}: is now called {renamed.KEYS[key]}\n")
     assert {*SCENARIO_KEYS, *UNIT_KEYS, "twin"} == set(renamed.KEYS)
+
+
+@pytest.mark.parametrize("key", renamed.GONE)
+def test_a_setting_that_is_gone_is_one_line_that_says_what_stands_in_its_place(
+    key: str, rig_command: Any, tmp_path: Path
+):
+    gone = f"{key}: is gone: {renamed.GONE[key]}"
+    assert "slow_tests" in gone
+    for at in (OF_SIGNAL, "redundancy.signals.*"):
+        code, _, err = rig_command("fly", "--set", f"{at}.{key}=0.01")
+        assert code == 2 and err.endswith(f"{OF_SIGNAL}.{gone}\n") and err.count("\n") == 1
+    (tmp_path / "s.toml").write_text(f"[{OF_SIGNAL}]\n{key} = 0.01\n")
+    code, _, err = rig_command("check", "s.toml")
+    assert (code, err) == (2, f"error: s.toml: {OF_SIGNAL}.{gone}\n")
+    (tmp_path / "in.csv").write_text("time_s,x_1,x_2\n0,1,1\n0.1,1,1\n")
+    for table in ("default", "signal.x"):
+        (tmp_path / "v.toml").write_text(f"[{table}]\nthreshold = 1.0\n{key} = 0.5\n[signal.y]\nthreshold = 1.0\n")
+        code, _, err = rig_command("vote", "in.csv", "--config", "v.toml", "--out", "o.csv")
+        assert (code, err) == (2, f"error: v.toml: {table}.{gone}\n")
+    for line in (f'vary."{OF_SIGNAL}.{key}" = [0.01]', f'draw."{OF_SIGNAL}.{key}" = {{low = 0.01, high = 0.02}}'):
+        (tmp_path / "c.toml").write_text(f'title = "c"\nbase = "f16_pitch_rate_hardover"\nruns = 1\n{line}\n')
+        code, _, err = rig_command("campaign", "plan", "c.toml")
+        assert code == 2 and gone in err and err.count("\n") == 1, err
 
 
 @pytest.mark.parametrize(("key", "old"), VALUES)
@@ -107,6 +128,12 @@ COMMANDS_OF = {"--lasting": ["thresholds", "x"], "--no-twin": ["score", "x"], "-
 def test_an_old_option_is_one_line(old: str, rig_command: Any):
     code, _, err = rig_command(*COMMANDS_OF[old], old)
     assert (code, err) == (2, f"error: {old} is now called {renamed.OPTIONS[old]}\n")
+
+
+def test_an_option_that_is_gone_is_one_line(rig_command: Any):
+    for option, instead in renamed.GONE_OPTIONS.items():
+        code, _, err = rig_command("thresholds", "x", option)
+        assert (code, err) == (2, f"error: {option} is gone: {instead}\n")
 
 
 def test_an_old_quantity_is_one_line():
@@ -173,7 +200,7 @@ def test_the_layout_of_a_unit_is_the_one_of_before():
 def test_what_a_campaign_kept_is_read_with_the_names_of_now():
     kept = {
         "twin": True,
-        "vary": {"redundancy.signals.*.resolvers": [["ilm"]]},
+        "vary": {"redundancy.signals.*.resolvers": [["ilm"]], "redundancy.signals.pitch_rate.outlier_threshold": [0.1]},
         "cases": {"form": [{"set": {"faults.0": {"kind": "link_lie"}}}]},
         "requirements": [{"id": "a", "formula": "always[0, 1] twin.failed.X.1"}],
     }
@@ -182,4 +209,11 @@ def test_what_a_campaign_kept_is_read_with_the_names_of_now():
         "vary": {"redundancy.signals.*.tie_break": [["ilm"]]},
         "cases": {"form": [{"set": {"faults.0": {"kind": "link_byzantine"}}}]},
         "requirements": [{"id": "a", "formula": "always[0, 1] baseline.failed.X.1"}],
+    }
+
+
+def test_settings_that_are_gone_are_dropped_from_what_the_rig_wrote():
+    signal = {"threshold": 0.05, "bias_bound": 0.1, "equalise_s": 2.0, "outlier_threshold": 0.01}
+    assert renamed.data_now({"redundancy": {"signals": {"pitch_rate": signal}}}) == {
+        "redundancy": {"signals": {"pitch_rate": {"threshold": 0.05}}}
     }

@@ -1,16 +1,19 @@
 import os
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from rig.computer.redundancy.manager_config import SignalConfig
 from rig.core.errors import BadInput
 from rig.core.files import bundled
 from rig.core.frame import SIGNALS
 from rig.core.settings import read_toml
 from rig.flight.loop import Rig, frames
 from rig.scenario import aircraft, scenario
+from rig.scenario.aircraft import lay_over
 from rig.scenario.scenario import find, from_resolved, load
 from rig.world.faults.kinds import Hardover
 
@@ -269,22 +272,35 @@ def test_a_star_in_an_empty_list_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("sets", "kept"),
+    ("given", "kept"),
     [
-        ([], True),
-        (["sensors.pitch_rate.noise_std=0.001"], False),
-        (["sensors.pitch_rate.channels=3"], True),  # fewer channels with the same errors
-        (["sensors.roll_rate.noise_std=0.001"], True),  # another signal
-        (["rate_hz=50"], False),
-        (["rate_hz=200"], True),
-        (["rate_hz=50", "redundancy.signals.pitch_rate.outlier_threshold=0.02"], True),
+        ({}, True),
+        ({"sensors": {"pitch_rate": {"noise_std": 0.001}}}, False),
+        ({"sensors": {"pitch_rate": {"channels": 3}}}, True),  # fewer channels with the same errors
+        ({"sensors": {"roll_rate": {"noise_std": 0.001}}}, True),  # another signal
+        ({"redundancy": {"signals": {"pitch_rate": {"threshold": 0.1}}}}, True),
+        ({"rate_hz": 50.0}, False),
+        ({"rate_hz": 200.0}, True),
+        ({"rate_hz": 50.0, "redundancy": {"signals": {"pitch_rate": {"slow_tests": {"factor": 2.0}}}}}, True),
+        ({"redundancy": {"signals": {"pitch_rate": {"slow_tests": False}}}}, False),
     ],
 )
-def test_outlier_thresholds_go_with_the_sensors_that_they_were_designed_for(sets: list[str], kept: bool):
-    found = load(None, sets).redundancy.signals.pitch_rate
-    assert (found.outlier_threshold is not None) == kept and found.threshold == 0.05
+def test_slow_tests_of_the_aircraft_go_with_the_sensors_that_they_were_designed_for(given: dict[str, Any], kept: bool):
+    of_aircraft = {"redundancy": {"signals": {"pitch_rate": {"threshold": 0.05, "slow_tests": {"factor": 1.5}}}}}
+    table = lay_over(of_aircraft, given, "test")["redundancy"]["signals"]["pitch_rate"]
+    assert (SignalConfig.model_validate(table).slow_tests is not None) == kept
 
 
-def test_a_log_keeps_the_outlier_thresholds_that_it_flew_with():
-    flown = load(None, ["sensors.pitch_rate.noise_std=0.001", "redundancy.signals.pitch_rate.outlier_threshold=0.02"])
-    assert from_resolved(flown.resolved(), "").redundancy.signals.pitch_rate.outlier_threshold == 0.02
+@pytest.mark.parametrize("given", ["false", "{factor=1.5}"])
+def test_a_log_keeps_the_slow_tests_that_it_flew_with(given: str):
+    key = f"redundancy.signals.pitch_rate.slow_tests={given}"
+    flown = load(None, ["sensors.pitch_rate.noise_std=0.001", key])
+    kept = from_resolved(flown.resolved(), "").redundancy.signals.pitch_rate.slow_tests
+    assert kept == flown.redundancy.signals.pitch_rate.slow_tests and (kept is None) == (given == "false")
+
+
+def test_slow_tests_that_are_true_are_refused_in_one_line():
+    with pytest.raises(
+        BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests: must be a table, or false, got True$"
+    ):
+        load(None, ["redundancy.signals.pitch_rate.slow_tests=true"])

@@ -144,12 +144,14 @@ def test_beside_tests_the_sums_are_of_what_their_biases_leave():
     assert allowance is not None and 0.0 < allowance < 1.0
     keys = tested.slow_tests and tested.slow_tests.keys
     assert keys is not None
-    settings = summed.settings(GIVEN.model_copy(update={"slow_tests": figures.model_copy(update=keys)}))
+    tests = figures.model_copy(update={**keys, "factor": 99.0, "squares_factor": 99.0})  # so that sums alone isolate
+    far = dict.fromkeys(("threshold", "threshold_triplex", "threshold_duplex"), 99.0)
+    settings = summed.settings(GIVEN.model_copy(update={"slow_tests": tests})).model_copy(update=far)
     others = [flight(100 + k, 4.0, 120.0) for k in range(10)]
     failed = sum(len(isolations(each.samples.T, settings, RATE, 50)) for each in others)
     assert failed <= 12  # of 6.7 that the rate allows
-    half = settings.model_copy(update={"slow_allowance": allowance / 3})
-    assert sum(len(isolations(each.samples.T, half, RATE, 50)) for each in others) > 30
+    less = settings.model_copy(update={"slow_allowance": allowance / 8})
+    assert sum(len(isolations(each.samples.T, less, RATE, 50)) for each in others) > 30
 
 
 def test_thresholds_that_are_kept_stay_and_the_rest_is_designed_beside_them():

@@ -56,12 +56,17 @@ def test_two_failures_in_a_row_are_both_detected():
 
 
 def test_a_drift_exceeds_the_threshold_when_its_rate_says():
-    found = scored("f16_angle_of_attack_drift", "faults.0.rate_per_s=0.003", "duration_s=25")
+    found = scored(
+        "f16_angle_of_attack_drift",
+        "faults.0.rate_per_s=0.003",
+        "duration_s=25",
+        "redundancy.signals.angle_of_attack.slow_tests=false",
+    )
     (fault,) = found.faults
-    # 0.003 rad/s (t - 10 s) > 0.016 rad, the isolation threshold: the first frame after 15.3333 s
-    assert (fault.onset_frame, fault.exceeded_frame) == (1000, 1534)
+    # 0.003 rad/s (t - 10 s) > 0.035 rad, the threshold: the first frame after 21.6667 s
+    assert (fault.onset_frame, fault.exceeded_frame) == (1000, 2167)
     assert fault.outcome == "detected" and fault.failed_frame is not None
-    assert fault.delay_from_exceeded_frames == fault.failed_frame - 1534
+    assert fault.delay_from_exceeded_frames == fault.failed_frame - 2167
 
 
 def test_a_transient_shorter_than_the_persistence_is_missed_and_said_to_be_tolerated():

@@ -299,26 +299,6 @@ def test_the_agreement_names_the_closest_channel_in_use_over_the_turn():
     assert agreement(columns(rows, s), 1, 0, 5, p).alone.all()  # an invalid sample always miscompares
 
 
-@pytest.mark.parametrize(
-    ("samples", "alone"),
-    [
-        ((0.0, 0.0, 0.02, 0.0), True),
-        ((0.0, 0.0, 0.01, 0.0), False),
-        ((0.0, 0.0, 0.02, 0.02), False),  # with a partner
-        ((0.0, -0.02, 0.02, 0.04), False),  # no two are close
-        ((0.0, 0.0, 0.02, 0.2), False),  # somebody is off by more than the threshold
-        ((0.0, 0.0, 0.02, np.nan), False),  # of three it takes 0.03
-        ((0.0, 0.0, 0.04, np.nan), True),
-    ],
-)
-def test_an_outlier_is_alone_where_all_agree_and_two_are_close(samples: tuple[float, ...], alone: bool):
-    limits = ["redundancy.signals.pitch_rate.outlier_threshold=0.015"]
-    limits += ["redundancy.signals.pitch_rate.outlier_threshold_triplex=0.03"]
-    which, rows = flight([], 3, *limits, exact=True)
-    rows["channels"][:, Q] = samples
-    assert agreement(columns(rows, Q), 2, 0, 3, monitor(which)[Q]).alone.tolist() == [alone] * 3
-
-
 def test_the_longest_run_of_flags_is_counted():
     flags = ([], [0], [0, 1, 1], [1, 1, 0, 1], [1, 0, 1, 1, 1])
     assert [longest_run(np.array(some, bool)) for some in flags] == [0, 0, 2, 2, 3]

@@ -47,7 +47,7 @@ def flight(
     faults: list[dict[str, Any]], frames: int = 100, *overrides: str, exact: bool = False
 ) -> tuple[Scenario, Block]:
     """Rows of ``frames`` frames at a constant truth, through every stage but the aircraft."""
-    plain = "redundancy.signals.pitch_rate.threshold=0.05"  # and no isolation threshold
+    plain = "redundancy.signals.*.slow_tests=false"  # nothing but the comparison
     which = scenario.load(
         None, [f"duration_s={frames / 100}", "faults=[]", plain, *(EXACT if exact else ()), *overrides]
     )
@@ -104,15 +104,14 @@ def test_an_error_at_the_threshold_has_not_exceeded_it():
     assert outcomes(scored([offset([2], 0.2, 0.0500001)], exact=True)) == [("detected", 20, 20, 27)]
 
 
-def test_an_error_above_the_outlier_threshold_is_found_and_the_vote_measured_by_the_threshold():
-    outlier = "redundancy.signals.pitch_rate.outlier_threshold=0.02"
-    found = scored([offset([2], 0.2, 0.0200001)], 100, outlier, exact=True)
-    assert outcomes(found) == [("detected", 20, 20, 27)]
-    assert outcomes(scored([offset([2], 0.2, 0.02)], 100, outlier, exact=True)) == [("undetectable", 20, None, None)]
-    mean = scored([offset([2], 0.2, 0.16)], 100, outlier, "redundancy.manager=mean", exact=True)
+def test_an_error_below_the_threshold_that_the_slow_tests_find_is_detected_without_a_frame_above_it():
+    tests = "redundancy.signals.pitch_rate.slow_tests={}"
+    (fault,) = scored([offset([2], 3.0, 0.03)], 400, tests).faults
+    assert (fault.outcome, fault.onset_frame, fault.exceeded_frame) == ("detected", 300, None)
+    assert fault.decided_by == "slow_means" and 300 < (fault.failed_frame or 0) < 350
+    assert fault.delay_from_onset_frames == (fault.failed_frame or 0) - 300 and fault.delay_from_exceeded_frames is None
+    mean = scored([offset([2], 0.2, 0.16)], 100, "redundancy.manager=mean", exact=True)
     assert outcomes(mean) == [("missed", 20, 20, None)] and mean.vote_error["pitch_rate"].above_threshold_s == 0.0
-    few = scored([offset([2], 0.2, 0.03)], 100, outlier, "redundancy.manager=mean", exact=True)
-    assert outcomes(few) == [("undetectable", 20, None, None)]  # managers that do not ask for it are not measured by it
 
 
 def test_faults_on_one_channel_after_each_other_are_scored_each_for_itself():

@@ -95,12 +95,14 @@ def _what_if(recording: Recorded, file: Path | None, sets: list[str], out: Path 
         answer = what_if(recording, changed(recording, file, sets), out, changes)
 
     def text() -> None:
+        for note in answer.notes:
+            line(f"  {note}")
         _decisions(answer.moved, recording.log.rate_hz)
         line("open loop: trajectory and commands stay as recorded")
         field("written", str(answer.path))
 
     data = {"log": str(recording.path), "what_if": str(answer.path), "changes": changes, "events": answer.events}
-    emit(as_json, {**data, "open_loop": True, **answer.moved.as_dict()}, text)
+    emit(as_json, {**data, "open_loop": True, "notes": answer.notes, **answer.moved.as_dict()}, text)
 
 
 def diff(

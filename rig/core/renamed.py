@@ -21,7 +21,7 @@ KEYS: Final = {
     "form": "role",
 }
 # Keys of settings that are gone, and what stands in their place.
-_TESTS: Final = "slow_tests finds what it found, and less"
+_TESTS: Final = "slow_tests finds what it found, and smaller faults"
 GONE: Final = {
     **dict.fromkeys(("outlier_threshold", "outlier_threshold_triplex"), _TESTS),
     **dict.fromkeys(

@@ -17,7 +17,7 @@ import polars as pl
 from numpy.random import SFC64, Generator
 
 from rig.computer.redundancy.managers import Manager
-from rig.computer.redundancy.slow_tests_config import SlowTests, tests_params
+from rig.computer.redundancy.slow_tests_config import OFF, SlowTests, tests_params
 from rig.core.frame import INDEX
 from rig.studies.benchmark.benchmark_trials import _whole, became, shared_out, streams_of, with_reference
 from rig.studies.campaign.campaign_file import read
@@ -34,14 +34,13 @@ def managers(made: Cell, tests: dict[str, Any], name: str) -> dict[str, Manager]
     params = made.one.manager.params
     sheet = sensors.data_sheets(made.scenario.sensors, made.scenario.rate_hz)[INDEX[name]]
     bank, bare = params.copy(), params.copy()
+    for key in OFF:
+        bare[key] = 0.0
     for key, value in tests_params(SlowTests.model_validate(tests[name]["slow_tests"]), sheet).items():
         bank[key] = value
-    only = bank.copy()
-    only["outlier_threshold"] = only["outlier_threshold_triplex"] = 0.0
     return {
-        "shipped": Manager("cross-channel", bare),
-        "bank": Manager("cross-channel", bank),
-        "bank only": Manager("cross-channel", only),
+        "without": Manager("cross-channel", bare),
+        "with": Manager("cross-channel", bank),
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench.replay.compare_flights import Comparison, Field, joined, of_column, tolerances
+from rig.computer.redundancy.managers import manager_kind
 from rig.core.blocks import cuts
 from rig.core.errors import BadLog
 from rig.core.frame import INDEX, SIGNALS
@@ -26,6 +27,11 @@ from rig.log.schema import MESSAGES
 _SAMPLES: Final = ("truth", "voted", "reference", "channels")
 _ANGLES: Final = tuple(field.name for field in MESSAGES["rig.Signal"] if field.source in _SAMPLES)
 _MOST_KEYS: Final = 20  # settings that are told one by one
+# Rules of the manager that a log of an earlier version may have on, and this version has not; each by its keys.
+_GONE: Final = {
+    "isolation thresholds": ("outlier_threshold", "outlier_threshold_triplex"),
+    "channel equalisation": ("equalise_bound", "bias_bound"),
+}
 _SAID: Final = ("seed", "scenario", "machine", "git commit")  # and all "version ..."
 
 
@@ -152,5 +158,18 @@ def _value(settings: dict[str, Any], key: str) -> str:
 
 
 def of_replay(old: dict[str, str], new: dict[str, str]) -> list[str]:
-    """Return the versions that differ between the replay and the flight."""
-    return _notes(old, new)
+    """Return what differs between the replay and the flight: rules that are gone, versions."""
+    return [*rules_gone(old), *_notes(old, new)]
+
+
+def rules_gone(metadata: Mapping[str, str]) -> list[str]:
+    """Return a note if the manager of the flight had rules on that this version does not have; metadata : its log's."""
+    redundancy = json.loads(metadata["scenario"]).get("redundancy", {})
+    kind = manager_kind(redundancy.get("manager", ""))
+    if kind.kernel is not None and not kind.compares:
+        return []
+    signals = redundancy.get("signals", {}).values()
+    rules = [name for name, keys in _GONE.items() if any(signal.get(key) for signal in signals for key in keys)]
+    if not rules:
+        return []
+    return [f"the log was flown with {' and '.join(rules)}, which this version does not have: decisions can differ"]

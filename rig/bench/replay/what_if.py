@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from rig.bench.replay.again import Again
+from rig.bench.replay.before_after import rules_gone
 from rig.bench.replay.decisions import Decisions, Moves
 from rig.core.blocks import in_blocks
 from rig.core.errors import BadInput
@@ -43,6 +44,7 @@ class WhatIf:
     scenario: Scenario
     moved: Decisions
     events: int
+    notes: list[str]  # what else than the change can move a decision
 
 
 def changed(recording: Recorded, file: Path | None, sets: Sequence[str]) -> Scenario:
@@ -99,7 +101,7 @@ def what_if(recording: Recorded, scenario: Scenario, out: Path | None = None, ch
             events = _write(writer, recording, scenario, _voted(recording, scenario, moves))
         if out is None:
             path = publish(part, numbered(path.parent, stem, ".mcap"))
-    return WhatIf(path, scenario, moves.decisions(), events)
+    return WhatIf(path, scenario, moves.decisions(), events, rules_gone(log.metadata))
 
 
 def _voted(recording: Recorded, scenario: Scenario, moves: Moves) -> Iterator[Table]:

@@ -79,6 +79,8 @@ class SignalConfig(Settings):
     @field_validator("slow_tests", mode="before")
     @classmethod
     def _switched_off(cls, given: Any) -> Any:
+        if given is True:
+            raise ValueError("must be a table, or false")
         return None if given is False else given
 
     @property

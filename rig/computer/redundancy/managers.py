@@ -51,7 +51,7 @@ class ManagerKind(NamedTuple):
 
     name: str
     kernel: Any = None  # of a row: bus, fcc, ManagerData, of a baseline manager one more; None: the user's own
-    compares: bool = False  # channels with each other: by isolation thresholds too, with references and boxes
+    compares: bool = False  # channels with each other, with references and boxes
     latches: bool = False  # keeps a channel that it has failed out for good
     takes_back: bool = False  # fails a channel only for as long as it distrusts it, which it integrates over time
     chooses_units: bool = False  # one channel for all signals that are axes of one unit

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from rig.bench.one_signal_trials import RESULT, Trials
 from rig.bench.vote_rows import settings_of
+from rig.computer.redundancy.slow_tests_config import SlowTests
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS
+from rig.core.frame import CHANNELS, INDEX
 from rig.core.units.angles import differences
 from rig.studies.benchmark.calibration import Calibrated
 from rig.studies.benchmark.entrants import Entrant, OfSignal, manager
@@ -29,6 +30,7 @@ from rig.studies.reliability.cell_trials import CHUNK, Batch, Recordings, combin
 from rig.studies.reliability.drawn import ROWS, Cell, cell, draw, refill
 from rig.verdict.signal_kernels import NEVER, first_failed, trial_words
 from rig.world.faults import KINDS
+from rig.world.sensors import data_sheets
 
 AFTER: Final = 1000  # frames from the last onset on
 STATES: Final = ("as flown", "absent", "off", "jumping")  # of the reference
@@ -79,7 +81,9 @@ def of_cell(made: Cell) -> OfSignal:
     scenario, name = made.scenario, made.scenario.faults[made.tested].signal
     settings, _ = settings_of(scenario)
     redundancy = scenario.redundancy
-    return OfSignal(name, made.one.manager.params, settings[name], redundancy.baselines, scenario.rate_hz)
+    sheet = data_sheets(scenario.sensors, scenario.rate_hz)[INDEX[name]]
+    sensor = SlowTests(**sheet._asdict()) if sheet.noise_std > 0.0 else None
+    return OfSignal(name, made.one.manager.params, settings[name], redundancy.baselines, scenario.rate_hz, sensor)
 
 
 def shared_out(plan: Plan, trials: int, seed: int) -> list[Batch]:

@@ -20,10 +20,12 @@ from rig.computer.redundancy.manager_config import SignalConfig
 from rig.core.column import Column
 from rig.core.errors import BadInput
 from rig.core.runs import cluster_starts
+from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured, of_residuals
 from rig.studies.benchmark.entrants import (
-    EQUALISED,
-    SLOW_FAULTS,
+    OURS,
+    TESTS,
+    TESTS_AND_SUMS,
     TUNED,
     Entrant,
     Level,
@@ -38,17 +40,19 @@ from rig.studies.benchmark.healthy_flights import exceeded, failing, isolations
 from rig.studies.benchmark.injected import blocks_of, isolated
 from rig.studies.benchmark.second_knobs import choices_of, in_words
 from rig.studies.thresholds.data import Data
-from rig.studies.thresholds.design import Design, Grid, Threshold, designs, from_tail
-from rig.studies.thresholds.design_signals import MARKED, extrapolation, of_signal
+from rig.studies.thresholds.design import Grid, Threshold, from_tail
+from rig.studies.thresholds.design_signals import MARKED, Signal, extrapolation, of_signal
 from rig.studies.thresholds.distances import in_use
 from rig.studies.thresholds.slow_fault_limits import RULES, Rule
+from rig.studies.thresholds.slow_test_factors import FACTORS
 from rig.studies.thresholds.tail import CLUSTERS, GAP_S, LEAST, peaks
 
 Floats = NDArray[np.float64]
 WIDE: Final = 2.0 ** np.arange(-9.0, 7.0)  # of a level's default
 FINE: Final = 24  # levels of the fine grid
 _KEYS: Final = set(SignalConfig.model_fields) - {"persistence_s", "split_persistence_s"}
-_AMOUNTS: Final = ("threshold", "outlier_threshold", "equalise_bound", "slow_")  # that are told in thresholds
+_AMOUNTS: Final = ("threshold", "slow_")  # that are told in thresholds
+_RULES: Final[dict[str, tuple[Rule, ...]]] = {OURS: (), TESTS: ("stale",), TESTS_AND_SUMS: RULES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,50 +171,51 @@ def _levels(
 def _design(entrant: Entrant, signal: OfSignal, healthy: Healthy, budgets: Sequence[float]) -> Calibrated:
     """Return the built-in manager as ``rig thresholds`` designs it, with the scenario's persistence and filter."""
     made = [_designed(entrant, signal, healthy, budget) for budget in budgets]
-    chosen = made[0]
+    chosen = made[0].design
     if chosen is None:
         raise too_few(signal, healthy.hours, 0, entrant.name)
-    settings, notes = chosen.settings(signal.given), list[str]()
-    if entrant.name == EQUALISED and not chosen.outliers:
-        notes.append(f"{signal.name}: channel equalisation does not lower the threshold; it is off")
+    settings, tests = _settings(signal, made[0]), made[0].slow_tests
     amounts = [(name, value) for name, value in chosen.keys().items() if name.startswith(_AMOUNTS)]
-    pairs = zip(budgets[1:], made[1:], strict=True)
+    factors = {} if tests is None else {name: tests.keys[name] for name in FACTORS}
     return Calibrated(
         entrant.name,
         signal.name,
         designed_values(signal, settings),
-        {name: float(value) / signal.threshold for name, value in amounts},
+        {name: float(value) / signal.threshold for name, value in amounts} | factors,
         settings.model_dump(include=_KEYS, exclude_none=True),
-        chosen.single.clusters,
-        chosen.single.shape,
-        others=[(budget, designed_values(signal, of.settings(signal.given))) for budget, of in pairs if of is not None],
-        notes=notes,
+        chosen.threshold.clusters,
+        chosen.threshold.shape,
+        others=[
+            (budget, designed_values(signal, _settings(signal, of)))
+            for budget, of in zip(budgets[1:], made[1:], strict=True)
+            if of.design is not None
+        ],
+        notes=[note for note in made[0].notes if "no slow-fault tests" in note],
     )
 
 
-def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Design | None:
-    """Return the last design of a signal; None if the data have too few events.
+def _settings(signal: OfSignal, made: Signal) -> RecordedSignal:
+    """Return the settings of a design, whose tests stand in the place of the scenario's."""
+    tests = None
+    if made.slow_tests is not None and signal.sensor is not None:
+        tests = signal.sensor.model_copy(update=made.slow_tests.keys)
+    assert made.design is not None
+    return made.design.settings(signal.given.model_copy(update={"slow_tests": tests}))
 
-    The design has channel equalisation if that lowers the threshold.  With all slow-fault rules it is the design that
-    ``rig thresholds`` chooses.
-    """
+
+def _designed(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h: float) -> Signal:
+    """Return the design of a signal that ``rig thresholds`` chooses; none if the data have too few events."""
     flights = healthy.flights[signal.name]
     blocks = blocks_of(flights, signal.rate_hz)
-    slow_faults: dict[str, Sequence[Rule]] = {EQUALISED: ["bias"], SLOW_FAULTS: RULES}
     persistence = (int(signal.params["persistence"][0]),)
-    grid = Grid(
-        budget_per_h,
-        persistence,
-        filters_s=(signal.given.filter_s,),
-        slow_faults=slow_faults.get(entrant.name, ()),
-        transients=True,
-    )
-    if entrant.name == SLOW_FAULTS:
-        names = [block.name for block in blocks]
-        data = Data(names, signal.rate_hz, healthy.hours, {signal.name: blocks}, {signal.name: signal.given})
-        return of_signal(signal.name, data, grid, keep=True).design
-    made = designs(blocks, signal.given, grid, zlib.crc32(signal.name.encode()))
-    return made[-1] if made else None
+    rules, tested = _RULES[entrant.name], entrant.name != OURS
+    grid = Grid(budget_per_h, persistence, filters_s=(signal.given.filter_s,), slow_faults=rules, transients=True)
+    untested = signal.given.model_copy(update={"slow_tests": None})
+    data = Data([block.name for block in blocks], signal.rate_hz, healthy.hours, {signal.name: blocks}, {})
+    data.settings[signal.name] = untested
+    if signal.sensor is not None:
+        data.slow_tests[signal.name] = signal.sensor
+    return of_signal(signal.name, data, grid, True, tested)
 
 
 def too_few(signal: OfSignal, hours: float, clusters: int, entrant: str) -> BadInput:

@@ -1,8 +1,8 @@
 """The managers that a benchmark compares, and the setting of each that a calibration chooses.
 
-The built-in manager takes part four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs, the
-same with channel equalisation, with all slow-fault rules, and with its built-in settings.  Amounts are in thresholds of
-the signal in the campaign's scenario.
+The built-in manager takes part four times: ``cross-channel`` with the thresholds that ``rig thresholds`` designs; the
+same with slow-fault tests; with tests and sums of small deviations; and with its built-in settings, the tests among
+them where the aircraft or CONFIG has some.  Amounts are in thresholds of the signal in the campaign's scenario.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import DEFAULT, LEARNERS, MANAGERS, Manager, manager_kind, with_settings
+from rig.computer.redundancy.slow_tests_config import SlowTests
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.core.text import choices
@@ -25,7 +26,8 @@ from rig.scenario.scenario import Scenario
 from rig.studies.benchmark.own_class import asks_for_data, calibrated_number
 
 OURS: Final = DEFAULT
-EQUALISED, SLOW_FAULTS, BUILT_IN = f"{OURS} equalised", f"{OURS} slow", f"{OURS} built-in"
+TESTS, TESTS_AND_SUMS, BUILT_IN = f"{OURS} tests", f"{OURS} tests and sums", f"{OURS} built-in"
+DESIGNED: Final = (OURS, TESTS, TESTS_AND_SUMS)  # rows of the built-in manager that are designed for the rate
 UNBOUNDED, BIAS, TUNED = "unbounded", "bias", "tuned"
 LEARNED_BIAS, PERSISTENCE = "learned_bias", "persistence"  # settings
 VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of baseline managers, named behind one: "cusum 60 guess"
@@ -37,12 +39,10 @@ VARIANTS: Final[dict[str, dict[str, Any]]] = {  # of baseline managers, named be
     "60": {"limit": 60.0},
     "120": {"limit": 120.0},
 }
-_DESIGNED: Final = tuple(
+_OF_A_DESIGN: Final = tuple(
     name
     for name in PARAMS.names or ()
-    if name.startswith(
-        ("threshold", "outlier_threshold", "equalise_", "slow_", "stale_", "filter_", "persistence", "split_")
-    )
+    if name.startswith(("threshold", "slow_", "stale_", "filter_", "persistence", "split_"))
 )
 Values = Mapping[str, Any]  # of settings by name
 
@@ -76,7 +76,7 @@ class Entrant(NamedTuple):
     @property
     def designed(self) -> bool:
         """Return True if ``rig thresholds`` designs the thresholds of this row."""
-        return self.is_ours and self.name != BUILT_IN
+        return self.name in DESIGNED
 
 
 class OfSignal(NamedTuple):
@@ -87,6 +87,7 @@ class OfSignal(NamedTuple):
     given: RecordedSignal
     baselines: Baselines
     rate_hz: float
+    sensor: SlowTests | None = None  # figures of the sensor, of which slow-fault tests are designed; None: unknown
 
     @property
     def threshold(self) -> float:
@@ -108,7 +109,7 @@ def entrants(managers: str) -> list[Entrant]:
     others = [_entrant(name) for name in names if name != OURS]
     if not others:
         raise BadInput(f"--managers: name one or more besides {OURS}: {', '.join(MANAGERS[1:])}, or module:name")
-    return [*(Entrant(name, OURS) for name in (OURS, EQUALISED, SLOW_FAULTS, BUILT_IN)), *others]
+    return [*(Entrant(name, OURS) for name in (*DESIGNED, BUILT_IN)), *others]
 
 
 def _entrant(name: str) -> Entrant:
@@ -231,7 +232,7 @@ def flown_by(
 
 def designed_values(signal: OfSignal, settings: RecordedSignal) -> dict[str, float]:
     """Return the fields of PARAMS that a design changes; references and all other fields stay those of the scenario."""
-    return _params_of(signal, settings, _DESIGNED)
+    return _params_of(signal, settings, _OF_A_DESIGN)
 
 
 def _params_of(signal: OfSignal, settings: RecordedSignal, names: Sequence[str]) -> dict[str, float]:

@@ -22,6 +22,7 @@ from rig.studies.thresholds.tail import GAP_S
 Frames = NDArray[np.int64]
 POOLED: Final = "all"  # signals together
 FLIGHTS: Final = 3  # that exceed the level at which a second campaign is counted
+_OURS: Final = ("threshold", "slow_allowance", "slow_means", "slow_squares", "slow_halves")  # of the built-in manager
 _STEPS: Final = 64  # of a factor of 2^(1/16), down to a sixteenth
 _STRIDE: Final = 8
 BURSTS: Final = (1, 3, 7)  # frames
@@ -113,13 +114,9 @@ def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
 
 
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
-    """Return the levels times 2^(-step / 16): for the built-in manager thresholds, isolation thresholds, allowance."""
+    """Return the levels times 2^(-step / 16): for the built-in manager thresholds, factors, allowance."""
     factor = 2.0 ** (-step / 16.0)
-    names = tuple(level.name for level in levels(entrant, signal)) or (
-        "threshold",
-        "outlier_threshold",
-        "slow_allowance",
-    )
+    names = tuple(level.name for level in levels(entrant, signal)) or _OURS
     return {name: value * factor if name.startswith(names) else value for name, value in values.items()}
 
 

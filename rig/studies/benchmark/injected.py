@@ -36,7 +36,9 @@ def flights_of(blocks: Sequence[DataBlock]) -> list[Flight]:
 
 def blocks_of(flights: Sequence[Flight], rate_hz: float) -> list[DataBlock]:
     """Return the samples of flights as ``rig thresholds`` has them."""
-    return [DataBlock(each.name, np.ascontiguousarray(each.samples.T), rate_hz) for each in flights]
+    return [
+        DataBlock(each.name, np.ascontiguousarray(each.samples.T), rate_hz, each.references[:, 0]) for each in flights
+    ]
 
 
 def with_faults(

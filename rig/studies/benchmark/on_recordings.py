@@ -14,14 +14,16 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
+from rig.computer.redundancy.slow_tests_config import BIAS, SlowTests, tests_params
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured, of_residuals
 from rig.studies.benchmark.entrants import (
-    EQUALISED,
-    SLOW_FAULTS,
+    OURS,
+    TESTS,
     TUNED,
     Entrant,
     OfSignal,
@@ -38,16 +40,20 @@ from rig.studies.benchmark.ranking import losses
 from rig.studies.benchmark.second_knobs import choices_of
 from rig.studies.thresholds.data import Data
 from rig.studies.thresholds.design import DataBlock, Grid, of_one_frame
-from rig.studies.thresholds.pieces import parameters
-from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, residuals, stale_frames
+from rig.studies.thresholds.pieces import four, parameters
+from rig.studies.thresholds.residual_series import Residuals, residuals, series
+from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, alarms, stale_frames
+from rig.studies.thresholds.slow_test_factors import FACTORS, bare_tests, keys_of, watched
 from rig.studies.thresholds.tradeoff import LATER_S, pieces
 
+Floats = NDArray[np.float64]
 PIECES: Final = 48  # of a signal and half
 _STEPS: Final = 256  # of 2^(1/16): from 64 times a level's default down to a thousandth of it
 _HIGHEST: Final = 64.0
-_OUTLIERS: Final = ("outlier_threshold", "outlier_threshold_triplex")
-_COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex", *_OUTLIERS)
+_COMPARED: Final = ("threshold", "threshold_triplex", "threshold_duplex")
 MARGINS: Final = (1.0, 1.5, 2.0)  # over the levels that just fail no channel
+BIASES_ALONE: Final = 1e6  # factor with which the tests isolate nothing, and learn biases for the sums
+BESIDE_SUMS: Final = (1.5, BIASES_ALONE)  # margins of the tests
 
 
 def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
@@ -63,7 +69,9 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
     silent = list[str]()
     for place, (name, blocks) in enumerate(data.signals.items()):
         given, fitted, rate_hz = data.settings[name], len(blocks[0].samples), blocks[0].rate_hz
-        signal = OfSignal(name, parameters(given, fitted, rate_hz), given, config.baselines, rate_hz)
+        signal = OfSignal(
+            name, parameters(given, fitted, rate_hz), given, config.baselines, rate_hz, data.slow_tests.get(name)
+        )
         silent = [entrant.name for entrant in entrants if isolates_no_channel(entrant, signal)]
         for half in (0, 1):
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
@@ -88,7 +96,7 @@ def _is_number(value: object) -> bool:
 def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> dict[str, Any]:
     """Return a manager's settings: the lowest levels that isolate no channel in ``blocks``, times a factor.
 
-    The built-in manager with all slow-fault rules also gets a persistence and a CUSUM limit.  Each half of ``blocks``
+    The built-in manager with slow-fault tests also gets a persistence and a CUSUM limit.  Each half of ``blocks``
     gives levels, and the factor is the one that isolates most faults in the other half: levels that just isolate no
     channel in some flights do not hold for others.
     """
@@ -107,11 +115,10 @@ def _candidates(
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
     """Yield the settings that ``blocks`` allow, with each factor over the levels and each other choice."""
     flights = flights_of(blocks)
-    if entrant.name == SLOW_FAULTS:
-        yield from _slow_faults(entrant, signal, blocks)
-    elif entrant.designed:
-        bound = _bound(signal, blocks) if entrant.name == EQUALISED else 0.0
-        values = _ours(entrant, signal, flights, signal.threshold * _HIGHEST, bound)
+    if entrant.designed and entrant.name != OURS:
+        yield from _tested(entrant, signal, blocks)
+    elif entrant.name == OURS:
+        values = _ours(entrant, signal, flights)
         for margin in MARGINS:
             yield (margin,), _scaled(values, _COMPARED, margin)
     else:
@@ -127,11 +134,6 @@ def _candidates(
                 yield (place, margin), _scaled(values, asked, margin)
 
 
-def _bound(signal: OfSignal, blocks: Sequence[DataBlock]) -> float:
-    """Return the bound of channel equalisation: the largest mean of a residual over a recording."""
-    return float(residuals([block.samples for block in blocks], signal.given.wraps).means.max())
-
-
 def _least(entrant: Entrant, signal: OfSignal, given: dict[str, Any], flights: Sequence[Flight]) -> dict[str, Any]:
     """Return the lowest levels of a grid at which a baseline manager isolates no channel."""
     highest = {**given, **{level.name: level.default * _HIGHEST for level in levels(entrant, signal)}}
@@ -143,70 +145,86 @@ def _fails(entrant: Entrant, signal: OfSignal, values: dict[str, Any], flights: 
     return flights_failing(entrant, signal, values, flights) > 0
 
 
-def _ours(
-    entrant: Entrant, signal: OfSignal, flights: Sequence[Flight], highest: float, bound: float = 0.0
-) -> dict[str, Any]:
-    """Return the built-in manager with the lowest threshold, and within ``bound`` the lowest isolation threshold."""
-    if bound > 0.0:
-        highest = _ours(entrant, signal, flights, highest)["threshold"]
-    none = ("threshold_triplex", "threshold_duplex", "outlier_threshold", "outlier_threshold_triplex")
-    plain: dict[str, Any] = {**dict.fromkeys(none), "equalise_bound": 0.0, "slow_allowance": None, "slow_limit": None}
+def _ours(entrant: Entrant, signal: OfSignal, flights: Sequence[Flight]) -> dict[str, Any]:
+    """Return the built-in manager with the lowest threshold alone."""
+    none = ("threshold_triplex", "threshold_duplex", "slow_allowance", "slow_limit", "slow_tests")
 
     def told(steps: int) -> dict[str, Any]:
-        level = highest * 2.0 ** (-steps / 16.0)
-        update = {**plain, "threshold": level}
-        if bound > 0.0:
-            learned = {"outlier_threshold": level, "outlier_threshold_triplex": level, "equalise_bound": bound}
-            update |= {"threshold": max(highest, bound), **learned}
-        return designed_values(signal, signal.given.model_copy(update=update))
+        level = signal.threshold * _HIGHEST * 2.0 ** (-steps / 16.0)
+        return designed_values(signal, signal.given.model_copy(update={**dict.fromkeys(none), "threshold": level}))
 
     at = first_enough(lambda steps: _fails(entrant, signal, told(steps), flights), _STEPS)
     return told(max((_STEPS if at is None else at) - 1, 0))
 
 
-def _slow_faults(
+def _tested(
     entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]
 ) -> Iterator[tuple[tuple[float, ...], dict[str, Any]]]:
-    """Yield the built-in manager with each persistence, CUSUM limit (0: none) and factor over the levels.
+    """Yield the built-in manager with each persistence, margin of the tests, CUSUM limit (0: none) and other margins.
 
-    No isolation threshold is within single-frame noise, as with ``rig thresholds``.
+    No threshold is within single-frame noise.
     """
-    flights, bound, fitted = flights_of(blocks), _bound(signal, blocks), len(blocks[0].samples)
+    flights, fitted, sums = flights_of(blocks), len(blocks[0].samples), entrant.name != TESTS
     least = of_one_frame(lambda c: [block.samples[list(c)] for block in blocks], signal.given.wraps, fitted, fitted)
+    samples = [block.samples for block in blocks]
+    given = signal.given.model_copy(update={"persistence_s": None, "split_persistence_s": None})
+    beside = [(tests, _residuals(signal, blocks, tests)) for tests in _tests(signal, blocks, sums)]
     for frames in Grid(0.0).persistence:
-        of_frames = {"persistence": frames, "split_persistence": frames}
-        given = signal.given.model_copy(update={**of_frames, "persistence_s": None, "split_persistence_s": None})
-        of = signal._replace(given=given)
-        biased = _ours(entrant, of, flights, signal.threshold * _HIGHEST, bound)
-        biased |= {name: max(biased[name], least) for name in _COMPARED}
-        for limit, values in _with_sums(entrant, of, blocks, biased):
-            for compared, summed in product(MARGINS, MARGINS if limit else (1.0,)):
-                wider = _scaled(_scaled(values, _COMPARED, compared), ("slow_allowance",), summed)
-                yield (frames, limit, compared, summed), wider
+        of_frames = given.model_copy(update={"persistence": frames, "split_persistence": frames})
+        of = signal._replace(given=of_frames)
+        plain = _ours(entrant, of, flights) | {"stale_frames": stale_frames(samples, signal.rate_hz)}
+        plain |= {name: max(plain[name], least) for name in _COMPARED}
+        for place, (tests, (rows, found)) in enumerate(beside):
+            values = plain | dict(tests_params(tests, None))
+            for limit, allowance in _sums(of, rows, found) if sums else [(0.0, 0.0)]:
+                for compared, summed in product(MARGINS, MARGINS if limit else (1.0,)):
+                    asked = {"slow_limit": limit * signal.rate_hz, "slow_allowance": summed * allowance}
+                    yield (frames, place, limit, compared, summed), {**_scaled(values, _COMPARED, compared), **asked}
+
+
+def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterator[SlowTests]:
+    """Yield the tests with each margin over the largest shares in ``blocks``; with sums also those that learn alone.
+
+    Figures of the sensor that CONFIG does not state are the spread and the largest mean of the residuals.
+    """
+    (params,), channels = signal.params.copy(), [four(block.samples.T) for block in blocks]
+    figures = signal.sensor
+    if figures is None:
+        plain = signal.given.model_copy(update={"slow_tests": None})
+        found = residuals([(block.samples, None) for block in blocks], plain, signal.rate_hz)
+        figures = SlowTests(noise_std=found.spread or None, bias_tolerance=float(found.means.max()) / BIAS)
+    if not figures.noise_std:
+        return
+    measured = [watched((each, None), params, bare_tests(figures)) for each in channels]
+    for margin in BESIDE_SUMS if sums else MARGINS:
+        alone = margin == BIASES_ALONE
+        keys = dict.fromkeys(FACTORS, margin) if alone else keys_of(measured, signal.threshold, margin)
+        yield figures.model_copy(update={name: keys[name] for name in FACTORS})
+
+
+def _residuals(signal: OfSignal, blocks: Sequence[DataBlock], tests: SlowTests) -> tuple[list[Floats], Residuals]:
+    """Return the residuals of each recording beside the tests, and their spread."""
+    given = signal.given.model_copy(update={"slow_tests": tests})
+    flights = [(block.samples, None) for block in blocks]
+    return [series(flight, given, signal.rate_hz) for flight in flights], residuals(flights, given, signal.rate_hz)
+
+
+def _sums(signal: OfSignal, rows: Sequence[Floats], found: Residuals) -> Iterator[tuple[float, float]]:
+    """Yield no sums, then, if noise dominates, each CUSUM limit with the least allowance that isolates no channel."""
+    yield 0.0, 0.0
+    allowances = ALLOWANCES * found.spread
+    for limit in LIMITS if found.noisy else ():
+        asked = limit * found.spread / signal.rate_hz
+        given = signal.given.model_copy(update={"slow_limit": asked, "slow_tests": None})
+        largest = max(float(alarms(row, given, signal.rate_hz, allowances).max()) for row in rows)
+        enough = allowances[allowances > largest]
+        if len(enough):
+            yield asked, float(enough[0])
 
 
 def _scaled(values: dict[str, Any], names: Sequence[str], factor: float) -> dict[str, Any]:
     """Return ``values`` with those of the names times a factor."""
     return {**values, **{name: factor * values[name] for name in names}}
-
-
-def _with_sums(
-    entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock], biased: dict[str, Any]
-) -> Iterator[tuple[float, dict[str, Any]]]:
-    """Yield the built-in manager with stale samples, then, if noise dominates, with each CUSUM limit and allowance."""
-    samples, flights = [block.samples for block in blocks], flights_of(blocks)
-    of, last = residuals(samples, signal.given.wraps), len(ALLOWANCES) - 1
-    plain = {**biased, "stale_frames": stale_frames(samples, signal.rate_hz)}
-    yield 0.0, plain
-    for limit in LIMITS if of.noisy else ():
-
-        def told(step: int, limit: float = limit) -> dict[str, Any]:
-            allowance = float(ALLOWANCES[last - step])
-            return {**plain, "slow_limit": limit * of.spread, "slow_allowance": allowance * of.spread}
-
-        at = first_enough(lambda step, told=told: _fails(entrant, signal, told(step), flights), last)
-        if at != 0:
-            yield limit, told(last if at is None else at - 1)
 
 
 def _trials(

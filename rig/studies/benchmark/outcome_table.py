@@ -11,7 +11,7 @@ import polars as pl
 
 from rig.core.column import Column
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import EQUALISED, OURS, SLOW_FAULTS
+from rig.studies.benchmark.entrants import DESIGNED
 from rig.studies.benchmark.fault_places import in_order
 from rig.studies.campaign.statistics import detectable, mcnemar, paired_difference
 from rig.verdict.words import INJECTED, PRIOR
@@ -140,13 +140,13 @@ def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, 
     """Return for each group and manager its share isolated minus the built-in manager's, 95 % interval and exact p.
 
     what : counted in each trial, true or false; in flights also whether the aircraft is lost
-    ``built_in`` names the row that is compared with: as designed, with channel equalisation, with slow-fault rules.
+    ``built_in`` names the row that is compared with: as designed, with tests, with tests and sums.
     ``harmed`` has the same of trials in which a healthy channel is isolated.
     ``peak_smaller`` and ``peak_larger`` count the trials in which the largest vote error was smaller or larger, by
     ALIKE or more; ``peak_median`` and ``peak_built_in`` are the medians.
     """
     counted = rows.with_columns(what.alias("_what"), HARMED.alias("_harmed"))
-    return [row for ours in (OURS, EQUALISED, SLOW_FAULTS) for row in _differences(counted, ours)]
+    return [row for ours in DESIGNED for row in _differences(counted, ours)]
 
 
 def _differences(rows: pl.DataFrame, ours: str) -> Iterator[dict[str, Any]]:

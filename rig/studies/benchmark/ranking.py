@@ -8,14 +8,13 @@ from typing import Any, Final
 from scipy.stats import binomtest, poisson
 
 from rig.studies.benchmark.benchmark_trials import STATES
-from rig.studies.benchmark.entrants import BUILT_IN, EQUALISED, OURS, SLOW_FAULTS, UNBOUNDED
+from rig.studies.benchmark.entrants import BUILT_IN, DESIGNED, OURS, UNBOUNDED
 from rig.studies.benchmark.outcome_table import ALL
 from rig.studies.thresholds.holdout import OVER
 from rig.verdict.words import PRIOR
 
 Row = dict[str, Any]
-_DESIGNED: Final = (OURS, EQUALISED, SLOW_FAULTS)
-_OURS: Final = (*_DESIGNED, BUILT_IN)
+_OURS: Final = (*DESIGNED, BUILT_IN)
 _CHANCE: Final = 0.05  # of a sign test, two-sided
 _MORE, _FEWER, _NEARER = "more", "fewer", "nearer"
 _WHAT: Final = {
@@ -32,13 +31,13 @@ def losses(result: Mapping[str, Any]) -> list[str]:
     error, each significantly: intervals of 95 %, and a sign test of the vote errors.
     """
     rows = _others(result["differences"])
-    lost = {ours: _lost_by(_rows(rows, ours), result["silent"]) for ours in _DESIGNED}
-    counts = [line for ours in _DESIGNED for line in _counted(ours, _rows(rows, ours), lost[ours])]
+    lost = {ours: _lost_by(_rows(rows, ours), result["silent"]) for ours in DESIGNED}
+    counts = [line for ours in DESIGNED for line in _counted(ours, _rows(rows, ours), lost[ours])]
     able = [row for row in rows if row["manager"] not in result["silent"]]
-    kept = [ours for ours in _DESIGNED if _rows(able, ours) and not lost[ours][_MORE]]
+    kept = [ours for ours in DESIGNED if _rows(able, ours) and not lost[ours][_MORE]]
     if kept:
         counts.append(f"no baseline manager isolates significantly more than {', '.join(kept)} in any group")
-    return [*counts, *(line for what in _WHAT for ours in _DESIGNED for line in _sentences(what, ours, lost[ours]))]
+    return [*counts, *(line for what in _WHAT for ours in DESIGNED for line in _sentences(what, ours, lost[ours]))]
 
 
 def verdict(result: Mapping[str, Any]) -> list[str]:
@@ -158,7 +157,7 @@ def _leads(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _among(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield how the manager with its built-in settings, or with slow-fault rules, differs from the one as designed."""
+    """Yield how the manager with its built-in settings, or with tests and sums, differs from the one as designed."""
     for row in _alike([row for row in rows if row["built_in"] == OURS], _interval, "manager"):
         if row["high"] < 0.0:
             yield _more(OURS, "isolate", row, row["manager"])

@@ -30,7 +30,8 @@ from rig.studies.thresholds.data import Data, load
 from rig.studies.thresholds.design import DataBlock, Grid
 from rig.studies.thresholds.design_signals import design
 from rig.studies.thresholds.pieces import failures, outcomes_of, parameters
-from rig.studies.thresholds.slow_fault_limits import RULES, Rule, residuals
+from rig.studies.thresholds.residual_series import residuals
+from rig.studies.thresholds.slow_fault_limits import RULES, Rule
 from rig.studies.thresholds.tail import GAP_S
 from rig.studies.thresholds.tradeoff import Pieces, faulty
 from rig.verdict.signal_kernels import NEVER
@@ -50,7 +51,7 @@ CHANNELS: Final = 3  # of four that are faulty in turn
 
 def of_signal(name: str, flights: Sequence[DataBlock], limit: float) -> OfSignal:
     """Return the axis as a benchmark has it, in deg/s; ``limit`` of the sums of ``cusum``, spreads times frames."""
-    spread = residuals([flight.samples for flight in flights], wraps=False).spread
+    spread = residuals([(flight.samples, None) for flight in flights], GIVEN, RATE_HZ).spread
     baselines = Baselines(cusum=Cusum(spread=spread, limit=limit))
     return OfSignal(name, parameters(GIVEN, 4, RATE_HZ), GIVEN, baselines, RATE_HZ)
 
@@ -76,7 +77,6 @@ def designed(rules: Sequence[Rule], axis: str, flights: list[DataBlock], budget_
 
 ENTRANTS: Final[dict[str, Make]] = {
     "ours, no slow-fault rule": partial(designed, ()),
-    "ours, channel equalisation": partial(designed, ("bias",)),
     "ours, all slow-fault rules": partial(designed, RULES),
     "selection, calibrated": partial(calibrated, "selection"),
     "cusum, 120 spreads": partial(calibrated, "cusum"),
