@@ -133,5 +133,5 @@ def redundancy(scenario: Scenario) -> Redundancy:
         tested,
         noise,
         scenario.computers.count,
-        sensors.data_sheets(suite, rate_hz),
+        sensors.data_sheets(suite, rate_hz, scenario.computers.apart_frames),
     )

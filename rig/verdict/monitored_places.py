@@ -31,7 +31,7 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     """Return the (S,) config.PARAMS records of the flight's manager."""
     suite, config = scenario.sensors, scenario.redundancy
     ranges, channels = sensors.ranges(suite), sensors.channels(suite)
-    sheets = sensors.data_sheets(suite, scenario.rate_hz)
+    sheets = sensors.data_sheets(suite, scenario.rate_hz, scenario.computers.apart_frames)
     return flight_parameters(
         config, ranges, channels, scenario.references, scenario.rate_hz, scenario.computers.count, sheets
     )

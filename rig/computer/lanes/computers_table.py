@@ -77,6 +77,11 @@ class Config(Settings):
     rejoin_s: float = Field(default=1.0, gt=0)  # of agreement before a lane may be readmitted
     commands: list[Command] = []
 
+    @property
+    def apart_frames(self) -> float:
+        """Return by how many frames the computers read their channels apart, at most: their clocks may run free."""
+        return 0.0 if self.synchronised or self.count == 1 else 1.0
+
     @model_validator(mode="after")
     def _rounds_need_one_time(self) -> Config:
         if self.exchange_rounds > 1 and not self.synchronised:

@@ -169,11 +169,12 @@ class DataSheet(NamedTuple):
     skew_frames: float
 
 
-def data_sheets(suite: Settings, rate_hz: float) -> list[DataSheet]:
-    """Return the figures of each signal's sensor."""
+def data_sheets(suite: Settings, rate_hz: float, apart_frames: float = 0.0) -> list[DataSheet]:
+    """Return the figures of each signal's sensor; apart_frames : by which its channels are read at other times."""
     sensors = [getattr(suite, signal.name) for signal in SIGNALS]
     return [
-        DataSheet(of.sample_noise_std(rate_hz), of.bias_tolerance, of.scale_tolerance, of.skew_frames) for of in sensors
+        DataSheet(of.sample_noise_std(rate_hz), of.bias_tolerance, of.scale_tolerance, of.skew_frames + apart_frames)
+        for of in sensors
     ]
 
 
