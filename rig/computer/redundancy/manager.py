@@ -180,7 +180,9 @@ def slow_of(reference, n, p, st):
     """Return the channels that the sums and the tests of small deviations fail, a bit each."""
     st["tests"]["by"] = DecidedBy.NONE.value
     summed = (
-        slow_faults.watch_sums(slow_faults.middle(n, reference, p, st), n, p, st) if n >= 2 else slow_faults.NO_CHANNEL
+        slow_faults.watch_sums(slow_faults.summed_from(n, reference, p, st), n, p, st)
+        if n >= 2
+        else slow_faults.NO_CHANNEL
     )
     tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
@@ -201,7 +203,7 @@ def vote_quiet(reference, second, n, p, st):
     if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
         bits = 0
         if decided_by == DecidedBy.NONE:
-            slow = sum_quiet(slow_faults.middle(n, reference, p, st), n, p, st)
+            slow = sum_quiet(slow_faults.summed_from(n, reference, p, st), n, p, st)
             bits = isolate_slow(reference, n, p, st) | (0 if slow == slow_faults.NO_CHANNEL else 1 << slow)
         if decided_by != DecidedBy.NONE or bits != 0:
             decided_by = latch_all(decided_by, bits, p, st)

@@ -29,14 +29,20 @@ def lasts(p):
 
 
 @kernel
-def middle(n, reference, p, st):
-    """Return what the residuals of ``n`` ranked samples, n >= 1, are measured from.
+def summed_from(n, reference, p, st):
+    """Return what the summed residuals of ``n`` ranked samples, n >= 1, are measured from.
 
-    With slow-fault tests it is the median of the samples without their biases; else that of the samples, or of an even
-    number the usable reference between the two middle ones.  reference : NaN where there is none
+    With slow-fault tests it is the median of the samples without their biases; without tests ``middle``.
     """
-    if p["slow_means"] > 0.0:
-        return rank_without_bias(n, st, st["tests"])
+    return rank_without_bias(n, st, st["tests"]) if p["slow_means"] > 0.0 else middle(n, reference, st)
+
+
+@kernel
+def middle(n, reference, st):
+    """Return the middle of ``n`` ranked samples, n >= 1: their median, or the usable reference.
+
+    Of an even number it is the reference limited to the range between the two middle ones; reference : NaN for none
+    """
     x, order = st["x"], st["order"]
     low, high = x[order[(n - 1) // 2]], x[order[n // 2]]
     if n % 2 == 0 and st["reference_usable"] and not np.isnan(reference):
