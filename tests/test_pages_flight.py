@@ -81,7 +81,7 @@ def test_the_decision_has_the_faulty_channel_the_active_fault_and_the_isolation(
     drawn = figures(page[1])["moment-pitch_rate"]
     said = [note["text"].strip() for note in drawn["layout"]["annotations"]]
     assert said == [
-        *("peak of channel 3: +137", "± isolation threshold 0.63 deg/s", "limit (persistence): 6"),
+        *("peak of channel 3: +137", "± isolation threshold 2.86 deg/s", "limit (persistence): 6"),
         *("fault active: 3.00 to 4.05 s", "first miscompare at 3.00 s", "isolated at 3.05 s"),
     ]
     lines = {trace["name"]: trace for trace in drawn["data"]}
@@ -151,9 +151,9 @@ def test_thresholds_and_who_decided_are_named_with_their_figures(split: Path):
     text = split.read_text()
     cards = re.findall(r'<div class="card"><b[^>]*>(.*?)</b><span>(.*?)</span>', text)
     assert ("reference", "detected the faults or isolated the channels") in cards
-    assert "pitch_rate: error limit 2.86 deg/s, isolation threshold 0.63 deg/s" in text
+    assert "pitch_rate: error limit 2.86 deg/s" in text and "The error limit of a signal is also its isolation" in text
     drawn = figures(text)["moment-pitch_rate"]["layout"]
-    assert "± isolation threshold 0.63 deg/s" in [note["text"] for note in drawn["annotations"]]
+    assert "± isolation threshold 2.86 deg/s" in [note["text"] for note in drawn["annotations"]]
     assert drawn["yaxis"]["title"]["text"] == "isolation thresholds"
     assert figures(text)["votes"]["data"][0]["name"] == "pitch_rate, error limit 2.86 deg/s"
 

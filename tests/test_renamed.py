@@ -82,15 +82,16 @@ def test_a_setting_that_is_gone_is_one_line_that_says_what_stands_in_its_place(
     for at in (OF_SIGNAL, "redundancy.signals.*"):
         code, _, err = rig_command("fly", "--set", f"{at}.{key}=0.01")
         assert code == 2 and err.endswith(f"{OF_SIGNAL}.{gone}\n") and err.count("\n") == 1
-    (tmp_path / "s.toml").write_text(f"[{OF_SIGNAL}]\n{key} = 0.01\n")
+    case = '[[cases]]\nname = "a"\nscenario = "f16_pitch_rate_hardover"\n'
+    (tmp_path / "s.toml").write_text(f'{case}set = {{ "{OF_SIGNAL}.{key}" = 0.01 }}\n')
     code, _, err = rig_command("check", "s.toml")
-    assert (code, err) == (2, f"error: s.toml: {OF_SIGNAL}.{gone}\n")
+    assert code == 2 and gone in err and err.count("\n") == 1, err
     (tmp_path / "in.csv").write_text("time_s,x_1,x_2\n0,1,1\n0.1,1,1\n")
     for table in ("default", "signal.x"):
         (tmp_path / "v.toml").write_text(f"[{table}]\nthreshold = 1.0\n{key} = 0.5\n[signal.y]\nthreshold = 1.0\n")
         code, _, err = rig_command("vote", "in.csv", "--config", "v.toml", "--out", "o.csv")
         assert (code, err) == (2, f"error: v.toml: {table}.{gone}\n")
-    for line in (f'vary."{OF_SIGNAL}.{key}" = [0.01]', f'draw."{OF_SIGNAL}.{key}" = {{low = 0.01, high = 0.02}}'):
+    for line in (f'vary."{OF_SIGNAL}.{key}" = [0.01]', f'set."{OF_SIGNAL}.{key}" = 0.01'):
         (tmp_path / "c.toml").write_text(f'title = "c"\nbase = "f16_pitch_rate_hardover"\nruns = 1\n{line}\n')
         code, _, err = rig_command("campaign", "plan", "c.toml")
         assert code == 2 and gone in err and err.count("\n") == 1, err
@@ -200,7 +201,7 @@ def test_the_layout_of_a_unit_is_the_one_of_before():
 def test_what_a_campaign_kept_is_read_with_the_names_of_now():
     kept = {
         "twin": True,
-        "vary": {"redundancy.signals.*.resolvers": [["ilm"]], "redundancy.signals.pitch_rate.outlier_threshold": [0.1]},
+        "vary": {"redundancy.signals.*.resolvers": [["ilm"]]},
         "cases": {"form": [{"set": {"faults.0": {"kind": "link_lie"}}}]},
         "requirements": [{"id": "a", "formula": "always[0, 1] twin.failed.X.1"}],
     }

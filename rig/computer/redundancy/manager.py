@@ -181,7 +181,7 @@ def slow_of(reference, n, p, st):
     st["tests"]["by"] = DecidedBy.NONE.value
     summed = slow_faults.NO_CHANNEL
     if p["slow_limit"] > 0.0 and n > 2:
-        summed = slow_faults.watch_sums(slow_faults.center(n, reference, p, st), n, p, st)
+        summed = slow_faults.watch_sums(slow_faults.summed_from(n, reference, p, st), n, p, st)
     tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
@@ -202,7 +202,7 @@ def vote_quiet(reference, second, n, p, st):
         bits = 0
         if decided_by == DecidedBy.NONE:
             if p["slow_limit"] > 0.0 and n > 2:
-                summed = sum_quiet(slow_faults.center(n, reference, p, st), n, p, st)
+                summed = sum_quiet(slow_faults.summed_from(n, reference, p, st), n, p, st)
                 bits |= 0 if summed == slow_faults.NO_CHANNEL else 1 << summed
             bits |= isolate_slow(reference, n, p, st)
         if decided_by != DecidedBy.NONE or bits != 0:

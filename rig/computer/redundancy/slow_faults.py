@@ -29,26 +29,25 @@ def lasts(p):
 
 
 @kernel
-def middle(n, reference, st):
-    """Return the middle of ``n`` ranked samples, n >= 1: the median; of an even number the usable reference, if it is
-    between the two middle samples, else the nearer of the two.
+def summed_from(n, reference, p, st):
+    """Return what the summed residuals of ``n`` ranked samples, n >= 1, are measured from.
 
-    reference : NaN where there is none; then the mean of the two counts
+    With slow-fault tests it is the median of the samples without their biases; without tests ``middle``.
+    """
+    return rank_without_bias(n, st, st["tests"]) if p["slow_means"] > 0.0 else middle(n, reference, st)
+
+
+@kernel
+def middle(n, reference, st):
+    """Return the middle of ``n`` ranked samples, n >= 1: their median, or the usable reference.
+
+    Of an even number it is the reference limited to the range between the two middle ones; reference : NaN for none
     """
     x, order = st["x"], st["order"]
     low, high = x[order[(n - 1) // 2]], x[order[n // 2]]
     if n % 2 == 0 and st["reference_usable"] and not np.isnan(reference):
         return opinions.middle(high, low, reference)
     return vote.mean(low, high, 0.5)
-
-
-@kernel
-def center(n, reference, p, st):
-    """Return what the sums measure ``n`` ranked samples, n >= 1, without their biases from.
-
-    With slow-fault tests it is the median of the samples without their biases; else the middle of the samples.
-    """
-    return rank_without_bias(n, st, st["tests"]) if p["slow_means"] > 0.0 else middle(n, reference, st)
 
 
 @kernel

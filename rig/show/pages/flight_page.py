@@ -279,11 +279,6 @@ def _off_by(scored: Scored, names: Sequence[str]) -> str:
 
 
 def _limits(scored: Scored, names: Sequence[str]) -> list[str]:
-    """Return error limit and isolation threshold of each signal with an event."""
-    resolved = scored.scenario.resolved()
-    lines = []
-    for name, value in _thresholds(scored, names).items() if names else ():
-        monitor, unit = limit(resolved, name), SIGNALS[INDEX[name]].unit
-        own = f", {monitor.text}" if monitor.isolates else ""
-        lines.append(f"{name}: error limit {quantity(value, unit)}{own}")
-    return lines
+    """Return the error limit of each signal with an event."""
+    shown = _thresholds(scored, names).items() if names else ()
+    return [f"{name}: error limit {quantity(value, SIGNALS[INDEX[name]].unit)}" for name, value in shown]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.manager import manage_signal
-from rig.computer.redundancy.slow_faults import center
+from rig.computer.redundancy.slow_faults import summed_from
 from rig.computer.redundancy.slow_tests import isolate_slow
 from rig.computer.redundancy.slow_tests_config import OFF
 from rig.computer.redundancy.state import new_state
@@ -103,7 +103,7 @@ def _subtract(samples, reference, given, params, state, out):
         n = st["last_n"]
         if n < 2:
             continue
-        m = center(n, np.nan, q, st)
+        m = summed_from(n, np.nan, q, st)
         for i in range(n):
             c = st["order"][i]
             out[k, c] = st["x"][c] - st["tests"]["bias"][c] - m

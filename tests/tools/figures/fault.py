@@ -42,7 +42,7 @@ def flown() -> Flown:
     counted = rows["state"][onset : isolated(rows), Q, FAULTY] == State.SUSPECT
     if len(mean) == len(rows) or len(counted) + 1 != signal["persistence"] or not counted.all():
         raise SystemExit(f"{SCENARIO}: {flights[0].conclusion}; {flights[1].conclusion}")
-    threshold = degrees(signal["outlier_threshold"] or signal["threshold"])
+    threshold = degrees(signal["threshold"])
     return Flown(rows, mean, scenario["rate_hz"], onset, threshold, signal["persistence"])
 
 

@@ -119,7 +119,7 @@ def _flown(name: str, picture: Picture) -> str:
     time_s = log.rows["frame"] / log.rate_hz
     rows = log.rows[(time_s >= picture.begin_s) & (time_s <= end_s)]
     signal = rig.load(picture.scenario, overrides=overrides).resolved()["redundancy"]["signals"][picture.signal]
-    return drawn(name, rows, log.rate_hz, picture, signal.get("outlier_threshold") or signal["threshold"])
+    return drawn(name, rows, log.rate_hz, picture, signal["threshold"])
 
 
 def drawn(name: str, rows: Block, rate_hz: float, picture: Picture, threshold: float) -> str:
