@@ -1,7 +1,7 @@
 """The settings of a baseline manager besides the calibrated one: as many choices as the built-in manager has.
 
 ``rig thresholds`` gives the built-in manager sums with one of three limits, or none; on recordings tests with one of
-two or three margins, and one of four persistences.  A baseline manager with the variant ``tuned`` gets as many: a
+two or three factors, and one of four persistences.  A baseline manager with the variant ``tuned`` gets as many: a
 learned bias or none, three values of one more setting, and the same persistences.  Each choice is calibrated to the
 same rate.  The one that isolates most faults injected into the calibrating flights is chosen; of equals the first.
 """
