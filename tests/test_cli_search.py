@@ -47,7 +47,7 @@ def space(folder: Path, varied: str = OFFSET) -> str:
         (OFFSET, ("--against", "redundancy.managr=median"), "--against redundancy.managr=median: redundancy.managr: "),
         (OFFSET, ("--against", "faults.0.offset=1"), "--against faults.0.offset: varies in the campaign"),
         (OFFSET, ("--against", "median"), "--against median: must be key=value"),
-        (OFFSET, ("--method", "best"), "--method best: must be one of regions, cma, random"),
+        (OFFSET, ("--method", "best"), "--method 'best': must be one of regions, cma, random"),
         (OFFSET, ("--set", "redundancy.manager=rig.none:Other", "--bench"), "redundancy.manager: "),
     ],
 )

@@ -329,6 +329,27 @@ def test_the_same_search_for_any_workers_and_interruption(tmp_path):
     assert json.loads(ended.stdout)["simulations"] == 60
 
 
+def test_a_second_interruption_ends_a_simulation_that_runs(tmp_path):
+    begun = tmp_path / "begun"
+    path = written(tmp_path, f"def plant(a):\n    open({str(begun)!r}, 'w').close()\n    time.sleep(60)\n")
+    (tmp_path / "plan.toml").write_text(
+        "duration_s = 10.0\ntimeout_s = 50.0\n[parameters]\na = { low = 0.0, high = 1.0 }\n"
+        "[[requirements]]\nid = 'low'\nformula = 'always[0, 10] x < 0.9'\n"
+    )
+    command = [sys.executable, "-m", "rig", "search", "plan.toml", "--plant", f"{path}:plant", "--flights", "30"]
+    process = subprocess.Popen([*command, "--out", "o"], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60.0
+    while not begun.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    asked = time.monotonic()
+    for _ in range(2):
+        process.send_signal(signal.SIGINT)
+        time.sleep(1.0)
+    error = process.communicate(timeout=40.0)[1]
+    assert process.returncode == 130 and "stopped: 0 of 30 simulations" in error
+    assert time.monotonic() - asked < 40.0 and not (tmp_path / "o").exists()
+
+
 def test_a_folder_of_another_search_or_plant_is_refused(tmp_path):
     path = written(tmp_path, "def plant(a):\n    return [0.0, 10.0], {'x': [a, a]}\n")
     rig.search(f"{path}:plant", PLAN, simulations=30, out=tmp_path / "o")

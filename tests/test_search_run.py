@@ -243,7 +243,7 @@ def test_trials_before_the_flights_say_where_the_flights_begin_and_a_cut_search_
 def test_a_search_of_another_version_of_the_forest_is_refused(
     whole: tuple[Path, Ended], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("rig.studies.search.search_plan.forest_version", lambda: "scikit-learn 99.0")
+    monkeypatch.setattr("rig.studies.search.methods.forest_version", lambda: "scikit-learn 99.0")
     with pytest.raises(
         BadInput, match=r"contains runs of another campaign: search.forest was .*scikit-learn 99.0"
     ) as e:

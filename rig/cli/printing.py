@@ -187,3 +187,14 @@ def rough_duration(seconds: float) -> str:
 def file_size(count: int) -> str:
     """Return a number of bytes in MB or GB."""
     return f"{count / 1e6:.1f} MB" if count < 1e9 else f"{count / 1e9:.1f} GB"
+
+
+def robustness_told(robustness: float | None) -> str:
+    """Return a robustness as text; ``none`` if a search has no number."""
+    return "none" if robustness is None else f"{robustness:.4g}"
+
+
+def share_told(of: Mapping[str, Any], on: str) -> str:
+    """Return how many of a search's confirming flights or simulations violate, with the interval."""
+    low, high = (100.0 * end for end in of["interval"])
+    return f"{of['confirmed'][0]} of {of['confirmed'][1]} {on} violate ({low:.3g} to {high:.3g} %)"

@@ -24,7 +24,7 @@ from rig.cli.common import (
     resumes,
     takes_options,
 )
-from rig.cli.printing import field
+from rig.cli.printing import field, robustness_told, share_told
 from rig.cli.search_plant import search_a_plant
 from rig.cli.working import working
 from rig.core.errors import BadInput
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from rig.studies.search.run_search import Ended
     from rig.studies.search.search_plan import SearchPlan
 
-_METHODS: Final = ("regions", "cma", "random")
 _WIDTH: Final = 11
 
 
@@ -111,11 +110,11 @@ def _plan(options: SearchOptions) -> SearchPlan:
     from rig.core.trust import Trust
     from rig.scenario.overrides import named_manager, parse_set
     from rig.studies.campaign.campaign_file import find, read
+    from rig.studies.search.methods import require_method
     from rig.studies.search.objective import chosen
     from rig.studies.search.search_plan import Asked, SearchPlan, parse_against
 
-    if options.method not in _METHODS:
-        raise BadInput(f"--method {options.method}: must be one of {', '.join(_METHODS)}")
+    require_method(options.method)
     if not options.requirement:
         raise BadInput("--requirement: is needed, except with --plant")
     asked = named(Asked, options, requirements=tuple(dict.fromkeys(options.requirement)))
@@ -125,11 +124,6 @@ def _plan(options: SearchOptions) -> SearchPlan:
     trust = Trust(source, options.allow_code, named_manager([*given.items(), *against]))
     requirements = chosen(asked.requirements, options.requirements or [], campaign.requirements or [])
     return SearchPlan(campaign, source, asked, requirements, trust)
-
-
-def _shown(robustness: float | None) -> str:
-    """Return a robustness as text; ``none`` if the search has no number."""
-    return "none" if robustness is None else f"{robustness:.4g}"
 
 
 def _trials(f: dict[str, int]) -> str:
@@ -145,7 +139,7 @@ def _show(ended: Ended, out: Path) -> None:
     hides = "every random flight violates it, so that it would hide the others"
     several = f", in {f['clusters_found']} cluster{'s' if f['clusters_found'] > 1 else ''}" if told else ""
     more = f", {told} of them below" if f["clusters_found"] > told else ""
-    lowest = f"lowest robustness {_shown(f['robustness'])}"
+    lowest = f"lowest robustness {robustness_told(f['robustness'])}"
     field("flights", f"{f['flights']}, {f['violated']} violate{several}{more}; {lowest}", width=_WIDTH)
     for number, each in enumerate(f["clusters"], 1):
         _show_cluster(f"cluster {number}", each)
@@ -170,18 +164,12 @@ def _show_cluster(label: str, each: dict[str, Any]) -> None:
     faults, flights = "; ".join(smallest["faults"]) or "no fault", each["flights"]
     texts = [
         f"{each['arm']} ({'; '.join(each['faults']) or 'no fault'})",
-        f"{flights} flight{'s' if flights > 1 else ''}, lowest robustness {_shown(each['robustness'])}; "
-        f"run {each['run']}: {_share(each)}",
+        f"{flights} flight{'s' if flights > 1 else ''}, lowest robustness {robustness_told(each['robustness'])}; "
+        f"run {each['run']}: {share_told(each, 'new seeds')}",
         "; ".join(f"{key} {text}" for key, text in each["ranges_shown"].items()),
-        f"smallest: {faults}: {_share(smallest)}",
+        f"smallest: {faults}: {share_told(smallest, 'new seeds')}",
         each["scenario"] or "no new seed violates: no scenario is written",
     ]
     for text in texts:
         field(label, text, width=_WIDTH)
         label = ""
-
-
-def _share(of: dict[str, Any]) -> str:
-    """Return how many new seeds violate, with the interval."""
-    low, high = (100.0 * end for end in of["interval"])
-    return f"{of['confirmed'][0]} of {of['confirmed'][1]} new seeds violate ({low:.3g} to {high:.3g} %)"

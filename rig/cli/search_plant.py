@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from typer import echo
 
 from rig.cli.common import emit, end_interrupted
-from rig.cli.printing import field
+from rig.cli.printing import field, robustness_told, share_told
 from rig.cli.working import working
 from rig.core.errors import BadInput
 from rig.core.outputs import require_apart
@@ -58,7 +58,7 @@ def _show(f: dict[str, Any], plan: PlantPlan, out: Path, took_s: float) -> None:
     from rig.studies.search.plants.plant_words import values_told
 
     found = "" if f["first_violation"] is None else f", the first is number {f['first_violation']}"
-    lowest = f"lowest robustness {_number(f['robustness'])}"
+    lowest = f"lowest robustness {robustness_told(f['robustness'])}"
     field("searched", f"{f['simulations']} simulations, {f['violated']} violate{found}; {lowest}", width=_WIDTH)
     if len(f["violating"]) > 1:
         counts = ", ".join(f"{name} in {count}" for name, count in f["violating"].items())
@@ -84,10 +84,14 @@ def _show_cluster(label: str, cluster: dict[str, Any], plan: PlantPlan) -> None:
     from rig.studies.search.plants.plant_words import narrow, values_told
 
     count, smallest = cluster["simulations"], cluster["smallest"]
-    of_smallest = _share(smallest) if "confirmed" in smallest else f"robustness {_number(smallest['robustness'])}"
+    of_smallest = (
+        share_told(smallest, smallest["confirmed_on"])
+        if "confirmed" in smallest
+        else f"robustness {robustness_told(smallest['robustness'])}"
+    )
     texts = [
-        f"{count} simulation{'s' if count > 1 else ''}, lowest robustness {_number(cluster['robustness'])}; "
-        f"{_share(cluster)}",
+        f"{count} simulation{'s' if count > 1 else ''}, lowest robustness {robustness_told(cluster['robustness'])}; "
+        f"{share_told(cluster, cluster['confirmed_on'])}",
         *([f"with {cluster['arm']}"] if cluster["arm"] != "all" else []),
         "; ".join(narrow(cluster["ranges"], plan)) or "its inputs are anywhere",
         f"smallest: {'; '.join(values_told(smallest['inputs'], plan))}: {of_smallest}",
@@ -96,13 +100,3 @@ def _show_cluster(label: str, cluster: dict[str, Any], plan: PlantPlan) -> None:
     for text in texts:
         field(label, text, width=_WIDTH)
         label = ""
-
-
-def _share(of: dict[str, Any]) -> str:
-    """Return how many simulations violate that chose nothing, with the interval."""
-    low, high = (100.0 * end for end in of["interval"])
-    return f"{of['confirmed'][0]} of {of['confirmed'][1]} {of['confirmed_on']} violate ({low:.3g} to {high:.3g} %)"
-
-
-def _number(robustness: float | None) -> str:
-    return "none" if robustness is None else f"{robustness:.4g}"

@@ -21,7 +21,7 @@ from functools import cache
 from multiprocessing import Pool
 from statistics import median
 from time import process_time
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 from search_here import DURATION_S, KINDS, START_S
@@ -34,7 +34,7 @@ from rig.studies.search.clusters import clusters
 from rig.studies.search.objective import Measured
 from rig.studies.search.open_loop import trial_row
 from rig.studies.search.rounds import Method
-from rig.studies.search.search_plan import METHODS, Asked, SearchPlan
+from rig.studies.search.search_plan import Asked, SearchPlan
 from rig.studies.search.trials_first import tried
 from rig.verdict.requirements.measure import fly_requirements
 from rig.verdict.requirements.requirement import Requirement
@@ -187,7 +187,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", action="store_true", help="open-loop trials in place of flights")
     parser.add_argument("--space", action="append", choices=SPACES)
-    parser.add_argument("--method", action="append", choices=METHODS)
+    parser.add_argument("--method", action="append", choices=get_args(Method))
     parser.add_argument("--arms", type=int, action="append")
     parser.add_argument("--seeds", type=int, nargs=2, default=(3, 11))
     parser.add_argument("--flights", type=int, default=240)
@@ -200,7 +200,7 @@ def main() -> None:
             bound = given.bound or pool.apply(bound_of, ((name, given.trials),))
             print(f"{name}: bound {bound} thresholds, {'trials' if given.trials else 'flights'}", flush=True)
             for arms in given.arms or [1]:
-                for method in given.method or list(METHODS):
+                for method in given.method or get_args(Method):
                     seeds = range(*given.seeds)
                     size = given.flights, given.trials, bound, given.trials_first
                     found = pool.map(search, [Job(name, arms, method, seed, *size) for seed in seeds], 1)

@@ -2,7 +2,7 @@
 
 space.py      the searched space: an arm is a combination of cases and listed values; its ranges are a unit cube
 rounds.py     the form of a method: rounds of draws, and what they are worth; the random method
-regions.py    the method: a forest predicts what to fly next; cma_es.py, for comparison
+regions.py    the method: a forest predicts what to fly next; cma_es.py, for comparison; methods.py  by their names
 objective.py  the minimised value: robustness of the requirements, then robustness of the vote and a slope of yes and no
 search_plan.py  the flights as a campaign's plan, which grows
 open_loop.py  trials in place of flights; trials_first.py, before them

@@ -218,11 +218,11 @@ class _Flown:
 
     def standing(self) -> str:
         """Return how many regions are closed, and why; and what the open one has."""
-        which = "last" if self._full or self._poor else "first"
+        which, found = "last" if self._full or self._poor else "first", self.found() if self.open.any() else 0
         parts = [
             f"{self._full} closed with {ENOUGH} violations or more" if self._full else "",
             f"{self._poor} closed after {PATIENCE} rounds without a lower robustness" if self._poor else "",
-            f"the {which} is open with {self.found()} violations" if self.open.any() else "none is open",
+            f"the {which} is open with {found} violation{'s' * (found != 1)}" if self.open.any() else "none is open",
         ]
         again = f"; all were closed, and {self.enough} violations now close one" if self.enough > ENOUGH else ""
         return f"regions: {', '.join(filter(None, parts))}{again}"

@@ -13,16 +13,14 @@ from rig.scenario.overrides import parse_set
 from rig.studies.campaign.campaign_file import Campaign
 from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.searched import types_of
-from rig.studies.search.cma_es import cma
+from rig.studies.search.methods import METHODS, decides
 from rig.studies.search.objective import Measured, beside, deciding, measured
-from rig.studies.search.regions import forest_version, regions
-from rig.studies.search.rounds import Draw, Method, Schedule, at_random, drive
+from rig.studies.search.rounds import Draw, Method, Schedule, drive
 from rig.studies.search.space import arms
 from rig.verdict.requirements.requirement import Requirement
 
 MOST_CONFIRMING: Final = 100_000
 SEARCH: Final = "search"  # of campaign.json
-METHODS: Final[dict[Method, Callable[..., Schedule]]] = {"regions": regions, "cma": cma, "random": at_random}
 Row = dict[str, Any]  # of ``runs``
 SCENARIO: Final = "scenario"  # column of a confirming flight: the scenario's own table
 
@@ -153,8 +151,7 @@ class SearchPlan(Plan):
     def identity(self) -> dict[str, Any]:
         """Return everything that decides the table."""
         asked = {**asdict(self.asked), "requirements": list(self.asked.requirements)}
-        forest = {"forest": forest_version()} if self.asked.method == "regions" else {}
-        return {**super().identity(), SEARCH: {**asked, **forest}}
+        return {**super().identity(), SEARCH: {**asked, **decides(self.asked.method)}}
 
 
 class ConfirmPlan(Plan):

@@ -11,15 +11,14 @@ import numpy as np
 from rig.core.progress import tell
 from rig.studies.campaign.statistics import proportion
 from rig.studies.search.clusters import Cluster, apart, clusters
+from rig.studies.search.confirm_worst import SEEDS as CONFIRM
 from rig.studies.search.plants.plant_rounds import Simulated, Simulating, seeds_of
 from rig.studies.search.plants.plant_smallest import smaller
 from rig.studies.search.rounds import Draw
 from rig.studies.search.shrink import SEEDS, UNDO_SEEDS, on_most, simplest
+from rig.studies.search.worst_cases import CANDIDATES, MOST
 from rig.verdict.requirements.robustness import number_of
 
-MOST: Final = 5  # clusters that are confirmed
-CONFIRM: Final = 20  # simulations whose share is told
-_CHOOSE: Final = 5  # seeds on which the worst of as many candidates is chosen
 _FRESH: Final = 1 << 31  # number of the first simulation that confirms: no draw has it
 _WIDER: Final = 0.02  # of the cube, on each side of a cluster: one that is a point has neighbours too
 _POINTS: Final = 58  # spawn key of the points
@@ -71,13 +70,13 @@ class _Again:
 
     def __init__(self, simulating: Simulating, seed: int, number: int) -> None:
         self._simulating, self._seed, self._number, self._tried = simulating, seed, number, 0
-        counts = (_CHOOSE, CONFIRM, SEEDS, UNDO_SEEDS)
+        counts = (SEEDS, CONFIRM, SEEDS, UNDO_SEEDS)
         left = iter(seeds_of(seed, _FRESH + number * sum(counts), sum(counts)))
         self.few, self._many, self._shrinking, self._undoing = (list(islice(left, count)) for count in counts)
 
     def with_seeds(self, draws: Sequence[Draw], cluster: Cluster) -> _Told:
         """Return what seeds tell that did not choose it of the worst of a few draws, and of a smaller one."""
-        places = apart(draws, cluster.places, _CHOOSE)
+        places = apart(draws, cluster.places, CANDIDATES)
         chosen = self._round("choosing", [draws[place] for place in places], [self.few for _ in places])
         worst = min(range(len(places)), key=lambda i: (-chosen[i].violations, chosen[i].robustness, i))
         draw = draws[places[worst]]

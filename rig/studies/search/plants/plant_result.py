@@ -15,7 +15,7 @@ from rig.core.outputs import BESIDE_RUNS
 from rig.studies.campaign.study_folder import write_whole
 from rig.studies.search.plants.plant_call import Columns
 from rig.studies.search.plants.plant_clusters import confirmed, found_in, inputs_of
-from rig.studies.search.plants.plant_rounds import Simulated, Simulating
+from rig.studies.search.plants.plant_rounds import Simulated, Simulating, first_violation
 from rig.studies.search.rounds import Draw, first_count
 from rig.verdict.requirements.robustness import number_of
 
@@ -41,7 +41,7 @@ def figures_of(
         "simulations": len(results),
         "violated": sum(each.violated for each in results),
         "violating": _by_requirement(simulating, results),
-        "first_violation": next((i + 1 for i, each in enumerate(results) if each.violated), None),
+        "first_violation": first_violation(results),
         "robustness": number_of(min(each.robustness for each in results)),
         "first": {"simulations": first, "violated": sum(each.violated for each in results[:first])},
         "failed": len(failed),

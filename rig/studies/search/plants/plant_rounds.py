@@ -62,6 +62,11 @@ class Simulated(NamedTuple):
         return bool(self.violating)
 
 
+def first_violation(results: Sequence[Simulated]) -> int | None:
+    """Return the number of the first simulation that violates, from 1; None: none does."""
+    return next((i + 1 for i, each in enumerate(results) if each.violated), None)
+
+
 class PlantFolder:
     """The rounds of a search in a folder; without a folder nothing is kept."""
 

@@ -101,10 +101,12 @@ class Processes:
         while not stop.requested and wait(out, timeout=_LOOK_S).not_done:
             pass
         if stop.requested:
-            for each in out:
-                each.cancel()
+            running = [each for each in out if not each.cancel()]
+            while not stop.insisted and wait(running, timeout=_LOOK_S).not_done:
+                pass
             if stop.insisted:
                 self.close()
+                return []  # simulations that were ended have not failed
         done = [each.result() for each in out if not each.cancelled()]
         return done if len(done) == len(calls) else []
 

@@ -15,6 +15,7 @@ from rig.core.interrupt import Stop, interruptible
 from rig.core.progress import tell
 from rig.core.text import choices, quoted
 from rig.studies.campaign.study_folder import FORMAT
+from rig.studies.search.methods import METHODS, decides, require_method
 from rig.studies.search.plants.plant_call import Columns, Takes
 from rig.studies.search.plants.plant_file import PlantPlan
 from rig.studies.search.plants.plant_result import figures_of
@@ -29,13 +30,11 @@ from rig.studies.search.plants.plant_rounds import (
 from rig.studies.search.plants.plant_space import PlantSpace, space_of
 from rig.studies.search.plants.plant_subject import PlantSubject
 from rig.studies.search.plants.plant_workers import Runner
-from rig.studies.search.regions import forest_version, regions
-from rig.studies.search.rounds import Draw, Schedule, at_random, drive
+from rig.studies.search.rounds import Draw, drive
 from rig.verdict.requirements.robustness import robustness_text
 
 _TRIED: Final = 8  # points at which a plant may fail before it is refused
 _PART: Final = 64  # simulations that are written together
-_METHODS: Final = ("regions", "cma", "random")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +47,7 @@ class PlantAsked:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.method not in _METHODS:
-            raise BadInput(f"--method {quoted(self.method)}: must be one of {', '.join(_METHODS)}")
+        require_method(self.method)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,10 +66,9 @@ class PlantSearched:
 
 def identity(plan: PlantPlan, asked: PlantAsked, sources: dict[str, str]) -> dict[str, Any]:
     """Return everything that decides the results; sources: of the plant, SHA-256 by file."""
-    forest = {"forest": forest_version()} if asked.method == "regions" else {}
     what = plan.model_dump(mode="json", exclude={"timeout_s"}, exclude_none=True)
     return {"format": FORMAT, "plan": what, **asdict(asked), "requirements": list(asked.requirements),
-            "plant": sources, **forest}  # fmt: skip
+            "plant": sources, **decides(asked.method)}  # fmt: skip
 
 
 def search_plant(
@@ -173,25 +170,5 @@ def simulate_all(
             told(part, found)
         return results
 
-    return drive(schedule(simulating.space, asked), results_of)
-
-
-def schedule(space: PlantSpace, asked: PlantAsked) -> Schedule:
-    """Return the draws of the method, from the first one."""
-    made: dict[str, Callable[[], Schedule]] = {
-        "regions": lambda: regions(space.arms, asked.simulations, asked.seed, pieces=space.pieces),
-        "random": lambda: at_random(space.arms, asked.simulations, asked.seed),
-        "cma": lambda: _cma(space, asked),
-    }
-    return made[asked.method]()
-
-
-def _cma(space: PlantSpace, asked: PlantAsked) -> Schedule:
-    from rig.studies.search.cma_es import cma
-
-    return cma(space.arms, asked.simulations, asked.seed)
-
-
-def first_violation(results: Sequence[Simulated]) -> int | None:
-    """Return the number of the first simulation that violates, from 1; None: none does."""
-    return next((i + 1 for i, each in enumerate(results) if each.violated), None)
+    space, more = simulating.space, {"pieces": simulating.space.pieces} if asked.method == "regions" else {}
+    return drive(METHODS[asked.method](space.arms, asked.simulations, asked.seed, **more), results_of)
