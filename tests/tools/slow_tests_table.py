@@ -1,9 +1,8 @@
 """Small faults found, by place and state of the reference: the built-in manager without and with slow-fault tests.
 
-    python tests/tools/slow_tests_table.py TESTS.toml WORST.toml TRIALS CAMPAIGN...
+    python tests/tools/slow_tests_table.py WORST.toml TRIALS CAMPAIGN...
 
-TESTS.toml : scenario with tables slow_tests, of slow_tests_design.py; WORST.toml : largest error of each reference;
-campaigns as of rig benchmark
+WORST.toml : largest error of each reference; campaigns as of rig benchmark, whose aircraft have the tests
 """
 
 import sys
@@ -17,34 +16,25 @@ import polars as pl
 from numpy.random import SFC64, Generator
 
 from rig.computer.redundancy.managers import Manager
-from rig.computer.redundancy.slow_tests_config import OFF, SlowTests, tests_params
-from rig.core.frame import INDEX
+from rig.computer.redundancy.slow_tests_config import OFF
 from rig.studies.benchmark.benchmark_trials import _whole, became, shared_out, streams_of, with_reference
 from rig.studies.campaign.campaign_file import read
 from rig.studies.campaign.plan import Plan
 from rig.studies.reliability.cell_trials import Recordings, fly_trials
 from rig.studies.reliability.drawn import Cell, cell, draw, refill
-from rig.world import sensors
 
 STATES = ("as flown", "off", "absent")
 
 
-def managers(made: Cell, tests: dict[str, Any], name: str) -> dict[str, Manager]:
+def managers(made: Cell) -> dict[str, Manager]:
     """The rows of the table."""
-    params = made.one.manager.params
-    sheet = sensors.data_sheets(made.scenario.sensors, made.scenario.rate_hz)[INDEX[name]]
-    bank, bare = params.copy(), params.copy()
+    bare = made.one.manager.params.copy()
     for key in OFF:
         bare[key] = 0.0
-    for key, value in tests_params(SlowTests.model_validate(tests[name]["slow_tests"]), sheet).items():
-        bank[key] = value
-    return {
-        "without": Manager("cross-channel", bare),
-        "with": Manager("cross-channel", bank),
-    }
+    return {"without": Manager("cross-channel", bare), "with": made.one.manager}
 
 
-def trials(campaign: Path, tests: dict[str, Any], worst: dict[str, float], count: int) -> Iterator[dict[str, Any]]:
+def trials(campaign: Path, worst: dict[str, float], count: int) -> Iterator[dict[str, Any]]:
     """A record of each trial, manager and state of the reference."""
     plan = Plan(read(campaign, {}), str(campaign))
     recordings = Recordings(plan)
@@ -54,7 +44,7 @@ def trials(campaign: Path, tests: dict[str, Any], worst: dict[str, float], count
         drawn = _whole(draw(made, unit.trials, recordings(unit, made, ""), Generator(SFC64(streams[0]))))
         for state in STATES:
             seen = with_reference(made, drawn, state, worst[name])
-            for who, manager in managers(made, tests, name).items():
+            for who, manager in managers(made).items():
                 told = made._replace(one=made.one._replace(manager=manager))
                 again = partial(refill, seen, *(Generator(SFC64(child)) for child in streams[1:]))
                 outcomes = became(made, drawn.onset, fly_trials(told, seen, again)[0])["outcome"]
@@ -64,9 +54,8 @@ def trials(campaign: Path, tests: dict[str, Any], worst: dict[str, float], count
 
 def main() -> None:
     """See above."""
-    scenario, worst = (tomllib.loads(Path(name).read_text()) for name in sys.argv[1:3])
-    tests = scenario["redundancy"]["signals"]
-    rows = (row for name in sys.argv[4:] for row in trials(Path(name), tests, worst, int(sys.argv[3])))
+    worst = tomllib.loads(Path(sys.argv[1]).read_text())
+    rows = (row for name in sys.argv[3:] for row in trials(Path(name), worst, int(sys.argv[2])))
     table = pl.DataFrame(list(rows))
     print("isolated, % (healthy channel failed)")
     for (place, state), part in table.group_by("place", "state", maintain_order=True):
