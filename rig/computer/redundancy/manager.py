@@ -179,11 +179,9 @@ def latch_all(decided_by, slow, p, st):
 def slow_of(reference, n, p, st):
     """Return the channels that the sums and the tests of small deviations fail, a bit each."""
     st["tests"]["by"] = DecidedBy.NONE.value
-    summed = (
-        slow_faults.watch_sums(slow_faults.summed_from(n, reference, p, st), n, p, st)
-        if n >= 2
-        else slow_faults.NO_CHANNEL
-    )
+    summed = slow_faults.NO_CHANNEL
+    if n >= 2:
+        summed = slow_faults.watch_sums(slow_faults.summed_from(n, reference, p, st), n, p, st)
     tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
