@@ -81,7 +81,7 @@ def test_the_decision_has_the_faulty_channel_the_active_fault_and_the_isolation(
     drawn = figures(page[1])["moment-pitch_rate"]
     said = [note["text"].strip() for note in drawn["layout"]["annotations"]]
     assert said == [
-        *("peak of channel 3: +137", "± isolation threshold 2.86 deg/s", "limit (persistence): 6"),
+        *("peak of channel 3: +30", "± isolation threshold 2.86 deg/s", "limit (persistence): 6"),
         *("fault active: 3.00 to 4.05 s", "first miscompare at 3.00 s", "isolated at 3.05 s"),
     ]
     lines = {trace["name"]: trace for trace in drawn["data"]}
@@ -90,7 +90,7 @@ def test_the_decision_has_the_faulty_channel_the_active_fault_and_the_isolation(
     assert (
         low < values.min()
         and values.max() < high
-        and squeezed(np.array([137.0]))[0] == pytest.approx(values.max(), rel=0.01)
+        and squeezed(np.array([30.0]))[0] == pytest.approx(values.max(), rel=0.01)
     )
     counted = numbers(lines["miscompares of channel 3"]["y"])
     assert counted[49:57].tolist() == [0, 1, 2, 3, 4, 5, 6, 0]
