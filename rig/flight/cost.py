@@ -175,7 +175,7 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     rig, clock, verdict = loop.Rig(scenario), _Clock(), Verdict()
     finder = event_finder(scenario)
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
-        for block, timing in loop.blank_blocks(scenario):
+        for block, timing in loop.blank_blocks(scenario, "alone"):
             clock.time("prepare", rig.prepare, block)
             rows, bound = nested(block), pieces(rig.data)
             for k in range(len(block)):
