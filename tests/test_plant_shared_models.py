@@ -57,10 +57,10 @@ def test_a_shared_model_gives_the_frames_of_a_fresh_one(name: str, point: str, m
     for _ in range(4):
         flying = plant(name, point, GUSTY)
         flown(flying)
-        flying.hand_back()
+        flying.give_back()
         again = plant(name, point)
         assert flown(again).tobytes() == fresh
-        again.hand_back()
+        again.give_back()
     assert len(made) == 3  # the first, one to compare with, and the one that was then flown
 
 
@@ -69,7 +69,7 @@ def test_a_model_that_was_in_turbulence_is_not_shared(monkeypatch: pytest.Monkey
     for _ in range(3):
         flying = plant("f16", turbulence="light")
         flown(flying)
-        flying.hand_back()
+        flying.give_back()
     assert len(made) == 3
 
 
@@ -86,7 +86,7 @@ def test_a_model_that_begins_with_other_frames_is_not_shared(monkeypatch: pytest
     for _ in range(3):
         flying = plant("f16")
         assert flown(flying).tobytes() == fresh
-        flying.hand_back()
+        flying.give_back()
     assert len(made) == 1 + 3 + 1  # one more to compare with
 
 
@@ -95,5 +95,5 @@ def test_only_so_many_models_wait() -> None:
     steps = np.linspace(0.005, 0.01, shared_models.MOST + 2)
     for step in steps:
         given = (plane, plane.point(None), float(step), wind.CALM, False)
-        shared_models.hand_back(shared_models.key(*given), shared_models.trimmed(*given), plane)
+        shared_models.give_back(shared_models.key(*given), shared_models.trimmed(*given), plane)
     assert [of[2] for of in shared_models._waiting] == steps[2:].tolist()

@@ -94,10 +94,10 @@ class Plant:
         self._fixed = truth.fixed(airframe, fdm["position/lat-geod-rad"], fdm["position/long-gc-rad"])
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
 
-    def hand_back(self) -> None:
+    def give_back(self) -> None:
         """Hand the model over to the next flight; this one is over, and the aircraft did not depart."""
         if not self._broken and not self._severity.exceedance_index:  # turbulence leaves its filters behind
-            shared_models.hand_back(shared_models.key(*self._key), self._fdm, self._airframe)
+            shared_models.give_back(shared_models.key(*self._key), self._fdm, self._airframe)
         del self._fdm, self._run, self._nodes
 
     def moved_by(self, positions: NDArray[np.float64]) -> None:

@@ -101,7 +101,7 @@ class LinearPlant:
             reach=np.array(rates) * self._lags(),
         )
 
-    def hand_back(self) -> None:
+    def give_back(self) -> None:
         """Do nothing: there is no model that another flight could use."""
 
     def reset(self) -> None:

@@ -47,7 +47,7 @@ def trimmed(
     return fdm
 
 
-def hand_back(of: Key, fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
+def give_back(of: Key, fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
     """Keep the model of a flight in calm air that did not depart; the caller does not touch it again."""
     if airframe.held or turns_propellers(fdm) or not _alike.get(of, True):
         return
