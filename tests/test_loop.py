@@ -8,6 +8,7 @@ from one_stage import step_stage
 from rig.computer.lanes.think import ComputerData, think_lane
 from rig.core.frame import INDEX, End, Table, nested, new_block
 from rig.flight import loop
+from rig.flight.block_length import block_frames
 from rig.flight.loop import Rig, frames
 from rig.scenario import scenario
 from rig.world.faults import actuate
@@ -103,7 +104,7 @@ def test_a_stop_ends_the_flight_after_its_frame():
     for rows, _ in frames(Rig(which), which, stop=stop):
         seen += len(rows)
         stop.requested = True
-    assert seen == int(loop.BLOCK_S * 100) + 1
+    assert seen == block_frames(which) + 1
 
 
 class Frames:

@@ -12,7 +12,7 @@ import pytest
 from rig.core.errors import BadInput, RigError
 from rig.core.frame import SURFACES
 from rig.core.settings import build, read_toml
-from rig.world.plant import actuated, airframe, jsbsim
+from rig.world.plant import actuated, airframe, loading
 
 AIRCRAFT = Path(__file__).parents[1] / "aircraft"
 NAMES = ("f16", "b747", "b737")
@@ -27,7 +27,7 @@ def config(name: str = "f16", **changes: Any) -> airframe.Config:
 
 
 def load(plane: airframe.Config) -> None:
-    jsbsim.load(plane, plane.point(), 0.01)
+    loading.load(plane, plane.point(), 0.01)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -90,12 +90,12 @@ def test_a_point_that_cannot_be_trimmed_is_refused() -> None:
     plane = config()
     slow = airframe.FlightPoint(name="slow", altitude_m=15_000.0, mach=0.2)
     with pytest.raises(BadInput, match=r"no level trim at 'slow' \(15000 m, Mach 0.2\)"):
-        jsbsim.load(plane, slow, 0.01)
+        loading.load(plane, slow, 0.01)
 
 
 def test_the_centre_of_gravity_moves_aft_by_the_stated_length() -> None:
-    as_shipped = jsbsim.load(config(cg_x_shift_m=0.0), config().point(), 0.01)
-    moved = jsbsim.load(config(cg_x_shift_m=0.1), config().point(), 0.01)
+    as_shipped = loading.load(config(cg_x_shift_m=0.0), config().point(), 0.01)
+    moved = loading.load(config(cg_x_shift_m=0.1), config().point(), 0.01)
     # Fuel and pilot stay where they are, so the whole moves by the share of the empty weight.
     share = as_shipped["inertia/empty-weight-lbs"] / as_shipped["inertia/weight-lbs"]
     travel_in = moved["inertia/cg-x-in"] - as_shipped["inertia/cg-x-in"]

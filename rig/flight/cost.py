@@ -28,7 +28,7 @@ from rig.log.of_flight import metadata
 from rig.log.writer import LogWriter
 from rig.scenario.scenario import Scenario
 from rig.world.faults import corrupt, corrupt_reference
-from rig.world.plant import jsbsim
+from rig.world.plant import loading
 from rig.world.plant.airframe import LinearConfig
 from rig.world.sensors import measure
 from rig.world.sensors.inertial import sense
@@ -146,7 +146,7 @@ def _bare_us(scenario: Scenario) -> float:
     steps, total_s, run = scenario.frames, 0.0, 0
     airframe, dt_s = scenario.airframe, 1.0 / (scenario.rate_hz * scenario.steps_per_frame)
     while run < steps:
-        fdm = jsbsim.load(airframe, airframe.point(scenario.flight_point), dt_s)
+        fdm = loading.load(airframe, airframe.point(scenario.flight_point), dt_s)
         count = min(steps - run, round(BARE_S * scenario.rate_hz)) * scenario.steps_per_frame
         began = time.perf_counter()
         for _ in range(count):
@@ -175,7 +175,7 @@ def _stages_us(scenario: Scenario, out: Path) -> dict[str, float]:
     rig, clock, verdict = loop.Rig(scenario), _Clock(), Verdict()
     finder = event_finder(scenario)
     with LogWriter(out / "stages.mcap", scenario.rate_hz, metadata(scenario), []) as writer:
-        for block, timing in loop.blank_blocks(scenario):
+        for block, timing in loop.blank_blocks(scenario, "alone"):
             clock.time("prepare", rig.prepare, block)
             rows, bound = nested(block), pieces(rig.data)
             for k in range(len(block)):

@@ -26,6 +26,7 @@ from rig.core.settings import toml_text
 from rig.core.threads import cores
 from rig.core.trust import Trust
 from rig.flight import loop
+from rig.flight.block_length import Use, block_frames
 from rig.flight.conclusion_rows import Conclusion
 from rig.flight.flight_result import Flight
 from rig.flight.operator_keys import Keys
@@ -185,11 +186,8 @@ def _fly_and_record(
         to.streams.check(to.rerun)
     elif to.rerun != "off":
         raise BadInput(f"--rerun {to.rerun}: this function has no stream for a viewer; use rig.fly")
-    kept = (
-        0
-        if to.outcome is None
-        else 2 * loop.block_frames(scenario, loop.BLOCK_S if pace.period_s is None else loop.PACED_BLOCK_S)
-    )
+    use = _use(scenario, to, pace, unit, keys)
+    kept = 0 if to.outcome is None else 2 * block_frames(scenario, use)
     if (outcome := to.outcome) is not None:
         outcome.begin(scenario, None if unit is None else unit.lane, unit is None or unit.unit.votes)
     known = None
@@ -212,7 +210,7 @@ def _fly_and_record(
         records = FlightRecords(scenario, writer, pace, unit, keys, _watchers(to, scenario, stream), assess)
         began = time.perf_counter()
         try:
-            failure = _fly(rig, records, pace, stop, keys)
+            failure = _fly(rig, records, pace, stop, keys, use)
             wall_s = time.perf_counter() - began
             reason = records.close(stop, failure)
             if failure is not None:
@@ -223,6 +221,14 @@ def _fly_and_record(
             report = None if stream is None else stream.close(10.0)
     conclusion = None if outcome is None else outcome.conclusion(path, records.verdict.frames)
     return _result(records, path, reason, wall_s, report, conclusion)
+
+
+def _use(scenario: Scenario, to: _Destination, pace: Pace, unit: UnitUnderTest | None, keys: Keys | None) -> Use:
+    """Return what the flight is for; a user's software may take long over a frame, and a killed flight loses it."""
+    if pace.period_s is not None:
+        return "paced"
+    own = unit is not None or ":" in scenario.redundancy.manager
+    return "watched" if own or to.rerun != "off" or to.watch is not None or keys is not None else "alone"
 
 
 def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> list[Watcher]:
@@ -237,13 +243,15 @@ def _watchers(to: _Destination, scenario: Scenario, stream: Stream | None) -> li
     return watchers
 
 
-def _fly(rig: loop.Rig, records: FlightRecords, pace: Pace, stop: Stop, keys: Keys | None) -> ManagerFailed | None:
+def _fly(
+    rig: loop.Rig, records: FlightRecords, pace: Pace, stop: Stop, keys: Keys | None, use: Use
+) -> ManagerFailed | None:
     """Fly to the end of the flight, or until the user's own manager raises or the unit stops, which is returned."""
     before_row = None if keys is None else keys.before_row
     beside = pace.period_s is not None or cores() > 1  # on one core it would only take turns with the frames
     with RecordingThread(records) if beside else nullcontext(records) as recorder:
         try:
-            loop.fly(rig, [recorder], pace=pace, stop=stop, before_row=before_row)
+            loop.fly(rig, [recorder], pace=pace, stop=stop, before_row=before_row, use=use)
         except ManagerFailed as failure:
             return failure
     return None

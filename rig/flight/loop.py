@@ -33,6 +33,7 @@ from rig.core.errors import ManagerFailed
 from rig.core.frame import FLAT, TIMING, Block, Nested, Table, nested, new_block, second_rows
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, inlined, kernel
+from rig.flight.block_length import Use, block_frames
 from rig.flight.put_out import put_out
 from rig.flight.stages import UNIT, computers, faults, redundancy, servos
 from rig.scenario.scenario import Scenario
@@ -42,11 +43,6 @@ from rig.world.plant.jsbsim import plant
 from rig.world.plant.pilot import Pilot
 from rig.world.sensors import SensorData, Sensors, measure
 from rig.world.sensors.inertial import Inertial, InertialData, sense
-
-# A killed flight loses no more than a second: the block being filled and, paced, the one being recorded.
-BLOCK_S = 1.0
-PACED_BLOCK_S = 0.5
-MEMORY_BLOCK_S = 5.0  # nothing to lose; what is worked on still fits into a core's own cache
 
 
 class StageData(NamedTuple):
@@ -238,9 +234,10 @@ def fly(
     stop: Stop | None = None,
     before_row: BeforeRow | None = None,
     memory: RowsAndTiming | None = None,
+    use: Use | None = None,
 ) -> None:
     """Fly to the end of the flight; each recorder takes every block in turn.  The rest as for ``frames``."""
-    for rows, timing in frames(rig, rig.scenario, pace, stop, memory, before_row):
+    for rows, timing in frames(rig, rig.scenario, pace, stop, memory, before_row, use):
         table = rig.table(rows, timing)
         for recorder in recorders:
             recorder.record(table)
@@ -253,14 +250,17 @@ def frames(
     stop: Stop | None = None,
     memory: RowsAndTiming | None = None,
     before_row: BeforeRow | None = None,
+    use: Use | None = None,
 ) -> Iterator[RowsAndTiming]:
     """Fly; yields rows and their TIMING, a block at a time.  ManagerFailed: after the rows before it.
 
     memory : (n,) of both, to fly into, no more than n frames; without it two blocks take turns, and what is yielded
     stays as it is until the block after the next starts.
+    use : decides the length of a block; if not given, pace and memory do
     """
     stop, pace = stop or Stop(), None if pace is None or pace.period_s is None else pace
-    for block, timing in blank_blocks(scenario, pace is not None, memory):
+    use = use or ("paced" if pace is not None else "watched" if memory is None else "memory")
+    for block, timing in blank_blocks(scenario, use, memory):
         rig.prepare(block)
         try:
             count, over = _fly_block(rig, block, timing, pace, stop, before_row)
@@ -298,16 +298,11 @@ def new_memory(scenario: Scenario, frames_at_most: int | None = None) -> RowsAnd
     return np.empty(count, FLAT), np.zeros(count, TIMING)
 
 
-def block_frames(scenario: Scenario, seconds: float = BLOCK_S) -> int:
-    """Return how many frames a block has; without ``seconds`` as a flight is logged."""
-    return max(1, int(seconds * scenario.rate_hz))
-
-
 def blank_blocks(
-    scenario: Scenario, paced: bool = False, memory: RowsAndTiming | None = None
+    scenario: Scenario, use: Use = "watched", memory: RowsAndTiming | None = None
 ) -> Iterator[RowsAndTiming]:
     """Yield the blocks of a flight, blank, in two that take turns or in ``memory``."""
-    size = block_frames(scenario, PACED_BLOCK_S if paced else BLOCK_S if memory is None else MEMORY_BLOCK_S)
+    size = block_frames(scenario, use)
     total = scenario.frames if memory is None else len(memory[0])
     turns = cycle([(new_block(size), np.zeros(size, TIMING)) for _ in range(2 if memory is None else 0)])
     for first in range(0, total, size):

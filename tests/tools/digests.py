@@ -21,7 +21,7 @@ from unittest.mock import patch
 
 from rig.bench.replay.what_if import what_if
 from rig.core.files import bundled
-from rig.flight import loop
+from rig.flight.block_length import SECONDS
 from rig.flight.fly import fly
 from rig.flight.summary import Verdict
 from rig.log import read_log
@@ -41,7 +41,7 @@ AT_ONCE: Final = 1e6  # times as fast as the clock: paced, and never waiting
 @contextmanager
 def blocks_of(seconds: float) -> Iterator[None]:
     """Have every flight in blocks of so many seconds."""
-    with patch.multiple(loop, BLOCK_S=seconds, PACED_BLOCK_S=seconds, MEMORY_BLOCK_S=seconds):
+    with patch.dict(SECONDS, dict.fromkeys(SECONDS, seconds)):
         yield
 
 

@@ -1,6 +1,6 @@
 """The row of a frame, and the block of frames that all stages share.
 
-A block is one plain structured array of about one second of frames.  Each stage writes its own fields of row k in
+A block is one plain structured array of consecutive frames.  Each stage writes its own fields of row k in
 place; the log, the stream and the score read the same rows.  The log holds exactly what a stage computes.
 
 FRAME is nested by the writer of a field: kernels get the parts that they may read and write.  FLAT names the same

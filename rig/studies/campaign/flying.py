@@ -56,6 +56,8 @@ def fly(scenario: Scenario, tested: UnitUnderTest | None = None) -> CampaignFlig
     rig = loop.Rig(scenario, None if tested is None else UnitComputer(tested), keep_clean=scenario.frames)
     findings, beside, (rows, timing) = Findings(scenario), _SecondRows(), loop.new_memory(scenario)
     loop.fly(rig, [findings, beside], memory=(rows, timing))
+    if findings.verdict.survived:
+        rig.plant.give_back()
     flown = slice(findings.verdict.frames)
     second = np.concatenate(beside.blocks) if beside.blocks else None
     table = Table(rows[flown], second, timing[flown], rig.faults.clean[flown])

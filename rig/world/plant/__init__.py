@@ -5,6 +5,7 @@ actuated.py  the base model with its own flight control replaced by our actuator
 wind.py      steady wind, steps, gusts and turbulence of a flight
 truth.py     JSBSim's numbers as the true row of a frame, in SI units
 loading.py   load an aircraft in JSBSim and trim it
+shared_models.py  loaded models that the flights of one process share
 jsbsim.py    fly it, or the linear plant: as the aircraft's settings ask
 linearise.py the small motions about trim
 imperial.py  feet, pounds and slugs in SI, here and nowhere else

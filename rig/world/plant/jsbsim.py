@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from rig.core.errors import RigError
 from rig.core.frame import SURFACES, Block, new_block
 from rig.core.kernels import bind
-from rig.world.plant import actuated, truth, wind
+from rig.world.plant import actuated, shared_models, truth, wind
 from rig.world.plant.airframe import Airframe, FlightPoint, LinearConfig
 from rig.world.plant.imperial import FEET_PER_METRE
-from rig.world.plant.loading import jsbsim_airframe, load, log
+from rig.world.plant.loading import jsbsim_airframe, log
 
 if TYPE_CHECKING:
     from rig.world.plant.linear_plant import LinearPlant
@@ -67,7 +67,8 @@ class Plant:
     def reset(self) -> None:
         """Go back to the first frame, on a fresh JSBSim: the same flight again, bit for bit."""
         airframe = self._airframe
-        fdm = load(airframe, self._flight_point, self._dt_s, self._wind.steady, self._servos)
+        self._key = airframe, self._flight_point, self._dt_s, self._wind.steady, self._servos
+        fdm = shared_models.trimmed(*self._key)
         _set_turbulence(fdm, self._severity, self._seed)
         surfaces = (airframe.elevator, airframe.aileron, airframe.rudder)
         positions = [*(surface.position for surface in surfaces), actuated.THROTTLE_POSITION]
@@ -92,6 +93,12 @@ class Plant:
         self.trim[:] = [fdm[name] for name in positions]
         self._fixed = truth.fixed(airframe, fdm["position/lat-geod-rad"], fdm["position/long-gc-rad"])
         self._write_row = bind(truth.write_row, new_block(1), 0, self._raw, self._fixed)
+
+    def give_back(self) -> None:
+        """Hand the model over to the next flight; this one is over, and the aircraft did not depart."""
+        if not self._broken and not self._severity.exceedance_index:  # turbulence leaves its filters behind
+            shared_models.give_back(shared_models.key(*self._key), self._fdm, self._airframe)
+        del self._fdm, self._run, self._nodes
 
     def moved_by(self, positions: NDArray[np.float64]) -> None:
         """Take the surfaces' positions in a frame's steps from ``positions`` (steps, 3), rad, at every ``step``."""

@@ -101,6 +101,9 @@ class LinearPlant:
             reach=np.array(rates) * self._lags(),
         )
 
+    def give_back(self) -> None:
+        """Do nothing: there is no model that another flight could use."""
+
     def reset(self) -> None:
         """Go back to the first frame: the same flight again, bit for bit."""
         self._x = np.array([*self._airframe.model.initial, *([0.0] * _S)], float)

@@ -57,6 +57,12 @@ class _Logger(jsbsim.FGLogger):
 
 _logger = cache(_Logger)
 _ANY_STEP_S: Final = 0.01  # JSBSim's step where nothing flies
+# What a flight writes, as it is in a model that was just loaded.
+BEFORE: Final = {
+    **{f"fcs/{name}-cmd-norm": 0.0 for name in ("elevator", "aileron", "rudder", "throttle")},
+    **{f"atmosphere/gust-{axis}-fps": 0.0 for axis in ("north", "east", "down")},
+    "atmosphere/turb-type": 3.0,
+}
 
 
 class NoTrim(BadInput):
@@ -186,6 +192,12 @@ def _begun(
     fdm["ic/mach"] = point.mach
     fdm["ic/gamma-deg"] = 0.0
     _set_wind(fdm, wind_m_s[0] * FEET_PER_METRE, wind_m_s[1] * FEET_PER_METRE)
+    _start(fdm, airframe)
+    return fdm
+
+
+def _start(fdm: jsbsim.FGFDMExec, airframe: Config) -> None:
+    """Begin at the initial conditions with the gear up and the engines running; set what is held."""
     fdm["gear/gear-cmd-norm"] = 0.0
     fdm["gear/gear-pos-norm"] = 0.0
     fdm["propulsion/fuel_freeze"] = 1.0  # until the flight begins
@@ -198,7 +210,22 @@ def _begun(
         fdm["propulsion/set-running"] = -1
     for name, value in airframe.held.items():  # after the start, which opens every lever
         fdm[name] = value
-    return fdm
+
+
+def begin_again(fdm: jsbsim.FGFDMExec, airframe: Config) -> bool:
+    """Begin again on the model of a flight in calm air, which is over, and trim it; return False if it finds no trim.
+
+    Its initial conditions are those of ``load``: neither the trim nor the flight moves them.
+    """
+    jsbsim.set_logger(_logger())
+    for name, value in BEFORE.items():
+        fdm[name] = value
+    fdm.reset_to_initial_conditions(0)
+    _start(fdm, airframe)
+    if not _trimmed(fdm):
+        return False
+    fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
+    return True
 
 
 def _set_wind(fdm: jsbsim.FGFDMExec, north_fps: float, east_fps: float) -> None:
