@@ -97,3 +97,16 @@ def test_only_so_many_models_wait() -> None:
         given = (plane, plane.point(None), float(step), wind.CALM, False)
         shared_models.give_back(shared_models.key(*given), shared_models.trimmed(*given), plane)
     assert [of[2] for of in shared_models._waiting] == steps[2:].tolist()
+
+
+@pytest.mark.parametrize("name", PLANES)
+def test_turbulence_on_a_shared_model_is_that_on_a_fresh_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    fresh = flown(plant(name, turbulence="severe"), 400).tobytes()
+    made = loads(monkeypatch)
+    for _ in range(3):
+        flying = plant(name)
+        flown(flying)
+        flying.give_back()
+    again = plant(name, turbulence="severe")
+    assert flown(again, 400).tobytes() == fresh
+    assert len(made) == 3  # of the first flight, to compare with, of the second
