@@ -173,9 +173,10 @@ def settings_of(scenario: Scenario) -> tuple[dict[str, RecordedSignal], dict[str
     """Return the settings of a flight's signals and discretes as those of a recording."""
     redundancy, suite = scenario.redundancy, scenario.sensors
     limits = sensors.ranges(suite)
+    sheets = sensors.data_sheets(suite, scenario.rate_hz, scenario.computers.apart_frames)
     signals = {
         signal.name: RecordedSignal(
-            **getattr(redundancy.signals, signal.name).model_dump(),
+            **getattr(redundancy.signals, signal.name).with_figures(sheets[i]).model_dump(),
             range=[float(limits[i, 0]), float(limits[i, 1])],
             unit=signal.unit,
             wraps=signal.wraps,

@@ -83,6 +83,11 @@ class SignalConfig(Settings):
             raise ValueError("must be a table, or false")
         return None if given is False else given
 
+    def with_figures(self, sheet: DataSheet) -> SignalConfig:
+        """Return these settings with the figures of the sensor in ``slow_tests``, those that it does not give."""
+        tests = self.slow_tests
+        return self if tests is None else self.model_copy(update={"slow_tests": tests.with_figures(sheet)})
+
     @property
     def least_threshold(self) -> float:
         """Return the smallest of the thresholds of four, three and two samples."""

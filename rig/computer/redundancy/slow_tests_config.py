@@ -49,6 +49,10 @@ class SlowTests(Settings):
         own = (self.noise_std, self.bias_tolerance, self.scale_tolerance, self.skew_frames)
         return DataSheet(*(here if given is None else given for given, here in zip(own, beside, strict=True)))
 
+    def with_figures(self, sensor: DataSheet) -> SlowTests:
+        """Return these settings with the figures of ``sensor`` where they give none."""
+        return self.model_copy(update=self.sheet(sensor)._asdict())
+
 
 def refusal(tests: SlowTests, threshold: float, sensor: DataSheet | None) -> str:
     """Return why the tests cannot be run, "" if they can; threshold : least one of the signal."""
