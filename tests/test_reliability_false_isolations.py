@@ -105,7 +105,7 @@ def test_the_threshold_of_a_target_meets_it():
 def test_the_command_says_what_the_bundled_threshold_gives(rig_command):
     code, out, _ = rig_command("reliability", "false-isolations", "pitch_rate", "--set", "duration_s=2.5", "--json")
     [found] = json.loads(out)["false_isolations"]
-    assert code == 0 and found["threshold"] == 0.011 and found["high"] < 1e-12 and found["per_hour"] is None
+    assert code == 0 and found["threshold"] == 0.05 and found["high"] < 1e-12 and found["per_hour"] is None
 
 
 @pytest.mark.parametrize(

@@ -178,7 +178,7 @@ def _tested(
             values = plain | dict(tests_params(tests, None))
             for limit, allowance in _sums(of, rows, found) if sums else [(0.0, 0.0)]:
                 for compared, summed in product(MARGINS, MARGINS if limit else (1.0,)):
-                    asked = {"slow_limit": limit * signal.rate_hz, "slow_allowance": summed * allowance}
+                    asked = {"slow_limit": limit * found.spread, "slow_allowance": summed * allowance}
                     yield (frames, place, limit, compared, summed), {**_scaled(values, _COMPARED, compared), **asked}
 
 
@@ -214,12 +214,12 @@ def _sums(signal: OfSignal, rows: Sequence[Floats], found: Residuals) -> Iterato
     yield 0.0, 0.0
     allowances = ALLOWANCES * found.spread
     for limit in LIMITS if found.noisy else ():
-        asked = limit * found.spread / signal.rate_hz
-        given = signal.given.model_copy(update={"slow_limit": asked, "slow_tests": None})
+        asked = {"slow_limit": limit * found.spread / signal.rate_hz, "slow_tests": None}
+        given = signal.given.model_copy(update=asked)
         largest = max(float(alarms(row, given, signal.rate_hz, allowances).max()) for row in rows)
         enough = allowances[allowances > largest]
         if len(enough):
-            yield asked, float(enough[0])
+            yield limit, float(enough[0])
 
 
 def _scaled(values: dict[str, Any], names: Sequence[str], factor: float) -> dict[str, Any]:
