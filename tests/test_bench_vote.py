@@ -20,6 +20,7 @@ from rig.core.frame import INDEX, SIGNALS, DecidedBy, Pattern, State
 from rig.log.recordings.read import read
 from rig.log.recordings.recording import Recording, Samples
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, read_config
+from rig.world.sensors import data_sheets
 
 K = np.arange(30.0)
 RISING = np.stack([0.1 * K, 0.1 * K + 0.1, 0.1 * K + 5, 0.1 * K + 5.1], axis=1)
@@ -242,7 +243,9 @@ def test_a_flown_log_votes_as_it_was_voted_in_flight(tmp_path: Path):
     flight = fly("f16_pitch_rate_hardover", overrides=sets, out=tmp_path)
     rows = read_log(flight.log).rows
     redundancy = flight.scenario.redundancy
-    tables = {name: getattr(redundancy.signals, name).model_dump(exclude_none=True) for name in INDEX}
+    sheets = data_sheets(flight.scenario.sensors, flight.scenario.rate_hz)
+    given = {name: getattr(redundancy.signals, name).with_figures(sheets[i]) for name, i in INDEX.items()}
+    tables = {name: of.model_dump(exclude_none=True) for name, of in given.items()}
     (tmp_path / "c.toml").write_text(tomli_w.dumps({"signal": tables}))
     config = read_config(tmp_path / "c.toml")
     recording = read(Path(flight.log), config)

@@ -248,9 +248,10 @@ def test_a_line_gives_the_runs_done_the_rate_and_the_time_left(capsys: pytest.Ca
 
 def test_two_managers_in_one_campaign_are_told_apart(rig_command: Command):
     text = CAMPAIGN.replace('"faults.0.offset" = 0.3\n', "").replace("runs = 4\n", "")
+    text = text.replace("duration_s = 1.5", "duration_s = 4.0").replace("start_s = 0.5", "start_s = 3.0")
     text = text.replace(
         'turbulence = ["none", "light"]',
-        '"redundancy.manager" = ["cross-channel", "cross-voter"]\n"faults.0.offset" = [0.005, 0.03, 0.3]',
+        '"redundancy.manager" = ["cross-channel", "cross-voter"]\n"faults.0.offset" = [0.0005, 0.03, 0.3]',
     )
     assert rig_command("campaign", "run", campaign(text), "--out", "E")[0] == 0
     code, out, err = rig_command("campaign", "report", "E", "--json")

@@ -8,6 +8,7 @@ the data-sheet classes that a sensor may name.
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +24,7 @@ DEFAULT: Final = "f16"  # of a scenario that names none
 DESIGNED_AT_HZ: Final = 100.0  # slow-fault tests: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
 TESTS: Final = {"slow_tests": None}  # designed from a sensor's healthy samples, at the bundled aircraft's rate
+LEVELS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
 STALE: Final = {"stale_frames": 0}  # designed by the repeats of a sensor's samples, whatever the threshold
 
 
@@ -92,7 +94,7 @@ def sensor_classes() -> dict[str, SensorClass]:
 def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[str, Any]:
     """Merge, with the sensor classes that ``above`` names put under its own keys; BadInput names ``source``.
 
-    Values designed from healthy samples are dropped if ``above`` has other sensors, or a lower rate.
+    Values designed from healthy samples are dropped if ``above`` has other sensors, narrower thresholds or lower rates.
     """
     below = without_designed(below, above)
     wanted, present = above.get("sensors"), below.get("sensors")
@@ -104,14 +106,28 @@ def lay_over(below: dict[str, Any], above: dict[str, Any], source: str) -> dict[
 def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """Return ``below`` without slow-fault tests and a count of stale samples where ``above`` changes the sensors.
 
-    At a lower rate none has tests: a sample is older then, and the aircraft moves further from frame to frame.
+    A signal with a narrower threshold has no tests: their biases may be as large.  At a lower rate none has tests: a
+    sample is older then, and the aircraft moves further from frame to frame.
     """
     signals, rate_hz = _tables(below.get("redundancy"), "signals"), above.get("rate_hz")
     sensors = [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
     slower = isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ
-    off = {**dict.fromkeys(INDEX if slower else (), TESTS), **{name: {**TESTS, **STALE} for name in sensors}}
+    without = [*(INDEX if slower else ()), *_narrowed(signals, _tables(above.get("redundancy"), "signals"))]
+    off = {**dict.fromkeys(without, TESTS), **{name: {**TESTS, **STALE} for name in sensors}}
     gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
+
+
+def _narrowed(below: dict[str, dict[str, Any]], above: dict[str, dict[str, Any]]) -> list[str]:
+    """Return the signals for which ``above`` has a threshold below the one in ``below``."""
+    given = {
+        name: [table[key] for key in LEVELS if isinstance(table.get(key), int | float)] for name, table in above.items()
+    }
+    return [
+        name
+        for name, values in given.items()
+        if min(values, default=math.inf) < below.get(name, {}).get("threshold", 0.0)
+    ]
 
 
 def _tables(data: Any, key: str) -> dict[str, dict[str, Any]]:
