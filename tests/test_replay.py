@@ -206,7 +206,7 @@ def test_a_log_without_a_scenario_or_with_missing_frames_is_refused(flown, tmp_p
 def drifting(tmp_path: Path) -> Path:
     """A recording made by hand: channel 3 of the pitch rate leaves the others by 0.001 rad/s a frame from frame 200.
 
-    The others stand at -0.004, 0 and 0.004 rad/s; threshold 0.0505 rad/s, persistence 8 frames, no references, no tests.
+    The others stand at -0.004, 0 and 0.004 rad/s; threshold 0.0505 rad/s, persistence 8 frames; no reference, no test.
     """
     none = [f"redundancy.references.{s}=none" for s in _REFERRED]
     sets = [*none, "redundancy.signals.pitch_rate.threshold=0.0505", "redundancy.signals.pitch_rate.persistence=8"]
