@@ -41,7 +41,7 @@ def summed_from(n, reference, p, st):
 def middle(n, reference, st):
     """Return the middle of ``n`` ranked samples, n >= 1: their median, or the usable reference.
 
-    An even number has it at the reference, limited to the range between the two middle ones; reference : NaN for none
+    For an even number it is the reference, limited to the range between the two middle ones; reference : NaN for none
     """
     x, order = st["x"], st["order"]
     low, high = x[order[(n - 1) // 2]], x[order[n // 2]]
