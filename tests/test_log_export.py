@@ -5,6 +5,7 @@ import subprocess
 import sys
 import weakref
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -95,16 +96,20 @@ def test_an_export_for_vote_is_voted_as_it_was_in_flight(flown, tmp_path, to, ri
 
 
 def config(recording) -> str:
-    """The flight's own settings as a CONFIG of rig vote, measured reference thresholds included."""
+    """The flight's own settings as a CONFIG of rig vote, with measured reference thresholds and figures of the sensors."""
     import tomli_w
 
     from rig.flight import loop
     from rig.scenario.scenario import from_resolved
+    from rig.world.sensors import data_sheets
 
     which = from_resolved(json.loads(recording.metadata["scenario"]), "log")
     params = loop.redundancy(which).manager.params
-    tables = which.redundancy.signals.model_dump(exclude_none=True)
+    sheets = data_sheets(which.sensors, which.rate_hz)
+    tables: dict[str, Any] = {}
     for name, s in INDEX.items():
+        own = getattr(which.redundancy.signals, name).with_figures(sheets[s])
+        tables[name] = own.model_dump(exclude_none=True)
         tables[name]["reference_threshold"] = float(params[s]["reference_threshold"])
     return tomli_w.dumps({"signal": tables})
 
