@@ -96,7 +96,7 @@ def test_an_export_for_vote_is_voted_as_it_was_in_flight(flown, tmp_path, to, ri
 
 
 def config(recording) -> str:
-    """The flight's own settings as a CONFIG of rig vote, with measured reference thresholds and figures of the sensors."""
+    """The flight's own settings as a CONFIG of rig vote: measured reference thresholds, figures of the sensors."""
     import tomli_w
 
     from rig.flight import loop
