@@ -34,6 +34,7 @@ CALLERS = {
     "computer/lanes/think.py",  # a flight
     "bench/drive.py",  # all rows that are not being flown
     "flight/cost.py",  # times the stages of a flight one by one
+    "studies/thresholds/residual_series.py",  # reads the residuals that the sums are designed on, frame by frame
     "studies/thresholds/slow_test_factors.py",  # reads the statistics of the slow-fault tests frame by frame
     "computer/servo_monitors.py",  # position sensors of a ram, no signal of a row
     "computer/lanes/command.py",  # commands of several computers, no signal either
