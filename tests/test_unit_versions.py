@@ -211,7 +211,7 @@ def test_what_was_not_asked_for_is_not():
     assert config["box_signals"] == MORE_THAN_HALF and config["slow_faults"]["stale_frames"].any()
     for interface in OLD_INTERFACES:
         assert asked_since(interface, config, unasked(config)) == ""
-        assert (asked_since(interface, config) != "") == (interface.version < 3)
+        assert (asked_since(interface, config) != "") == (interface.version < 5)
 
 
 @pytest.mark.parametrize(

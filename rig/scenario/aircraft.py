@@ -74,6 +74,12 @@ def default_stale_frames() -> dict[str, int]:
     return {name: int(keys.get("stale_frames", 0)) for name, keys in signals.items()}
 
 
+def default_factors() -> dict[str, float]:
+    """Return the factor of the slow-fault tests that all aircraft share, by signal; 0: none."""
+    signals = read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["signals"]
+    return {name: float(keys.get("slow_tests", {}).get("factor", 0.0)) for name, keys in signals.items()}
+
+
 def default_boxes() -> dict[str, list[str]]:
     """Return the sets of signals that one unit of each channel measures, common to all aircraft."""
     return read_own(bundled("aircraft") / "defaults.toml")["redundancy"]["boxes"]

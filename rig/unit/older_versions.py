@@ -1,8 +1,8 @@
 """Configuration of a unit that was built for an older version of the records, and its limits.
 
 The rig refuses the flight if a setting is on that has no field in that version.  It flies without settings that the
-scenario did not choose: values that all aircraft share (stale samples, boxes by sets, giving up a split), and
-consequences of the configured references (the use of the trend beside them, and which of them count as two).
+scenario did not choose: values that all aircraft share (slow-fault tests, stale samples, boxes by sets, giving up a
+split), and consequences of the configured references (the use of the trend beside them, which of them count as two).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.manager_config import Config
 from rig.core.frame import SIGNALS, S
 from rig.core.settings import in_frames
-from rig.scenario.aircraft import default_boxes, default_stale_frames
+from rig.scenario.aircraft import default_boxes, default_factors, default_stale_frames
 from rig.unit.ready_message import REBUILD, UnitStopped
 from rig.unit.unit_records import INTERFACE, MORE_THAN_HALF, SINCE, Interface, Role
 
@@ -88,10 +88,11 @@ def asked_since(interface: Interface, config: NDArray[Any], without: Unasked = M
 
 def unasked(config: NDArray[Any]) -> Unasked:
     """Return the settings of CONFIG (1,) that its scenario did not choose."""
-    stale, rules = default_stale_frames(), config[0]["rules"]
+    stale, factors, rules = default_stale_frames(), default_factors(), config[0]["rules"]
     unresolved_s = Config.model_fields["unresolved_s"].default
     return {
         "stale_frames": np.array([stale.get(name, 0) for name in _NAMES]),
+        "slow_means": np.array([factors.get(name, 0.0) for name in _NAMES]),
         "unresolved_frames": np.full(S, in_frames(0, unresolved_s, float(config["rate_hz"][0]))),
         "referred": rules["referred"],
         "sources": rules["sources"],
