@@ -248,7 +248,7 @@ def test_a_line_gives_the_runs_done_the_rate_and_the_time_left(capsys: pytest.Ca
 
 def test_two_managers_in_one_campaign_are_told_apart(rig_command: Command):
     text = CAMPAIGN.replace('"faults.0.offset" = 0.3\n', "").replace("runs = 4\n", "")
-    text = text.replace("duration_s = 1.5", "duration_s = 4.0").replace("start_s = 0.5", "start_s = 3.0")
+    text = text.replace("duration_s = 1.5", "duration_s = 4.0").replace('start_s" = 0.5', 'start_s" = 3.0')
     text = text.replace(
         'turbulence = ["none", "light"]',
         '"redundancy.manager" = ["cross-channel", "cross-voter"]\n"faults.0.offset" = [0.0005, 0.03, 0.3]',
@@ -262,7 +262,10 @@ def test_two_managers_in_one_campaign_are_told_apart(rig_command: Command):
     rows = {row["level"]: row for row in found["by_varied"] if row["key"] == "manager"}
     counts = {name: (row["detection_of_all"]["count"], row["detection_of_all"]["of"]) for name, row in rows.items()}
     assert counts == {"cross-channel": (2, 3), "cross-voter": (1, 3)}
-    assert all(row["delay_from_onset_s"]["median"] == pytest.approx(0.07) for row in rows.values())
+    delays = {name: row["delay_from_onset_s"]["median"] for name, row in rows.items()}
+    assert (
+        delays["cross-voter"] == pytest.approx(0.07) and 0.07 < delays["cross-channel"] < 0.15
+    )  # a test needs 14 frames
     said = rig_command("campaign", "report", "E")[1]
     assert "vary by name" in said and "offset of pitch_rate  cross-voter" in said
     page = Path("E/report.html").read_text()

@@ -20,7 +20,9 @@ GUSTY = wind.Config(gusts=[wind.Gust(start_s=0.5, duration_s=1.0, north_m_s=5.0,
 
 @pytest.fixture(autouse=True)
 def none_wait() -> Iterator[None]:
-    """No test begins on a model of another."""
+    """No test begins on a model of another, or of a flight in another file."""
+    shared_models._waiting.clear()
+    shared_models._alike.clear()
     yield
     shared_models._waiting.clear()
     shared_models._alike.clear()
