@@ -148,7 +148,7 @@ def test_vibration_that_all_channels_have_isolates_none():
 
 
 def test_a_bias_is_learned_no_further_than_its_bound():
-    """1.7 tolerances are 0.17: a difference of 0.15 is learned in ten seconds, one of 0.3 is found."""
+    """2 tolerances are 0.2: a difference of 0.15 is learned in ten seconds, one of 0.3 is found."""
     for size, found in ((0.15, False), (0.3, True)):
         samples = noise(8, 3000)
         samples[:, 0] += size
@@ -298,7 +298,7 @@ def test_settings_out_of_range_are_refused(tests: dict[str, Any], says: str):
     ("tests", "says"),
     [
         ({}, "slow_tests: needs noise_std, the noise of a sample, above 0: the sensor states none"),
-        ({"noise_std": 1.0, "bias_tolerance": 1.0}, "biases are learned up to 1.7 bias_tolerance, 1.7; this must be"),
+        ({"noise_std": 1.0, "bias_tolerance": 1.0}, "biases are learned up to 2 bias_tolerance, 2; this must be"),
     ],
 )
 def test_a_recorded_signal_states_its_own_noise_and_a_bias_below_its_threshold(tests: dict[str, Any], says: str):
@@ -319,7 +319,7 @@ def test_a_scenario_takes_the_figures_of_its_sensors_and_refuses_a_sensor_withou
     tested = load({**table, "duration_s": 1.0}).redundancy.signals.pitch_rate.slow_tests
     assert tested is not None and tested.factor == 1.3 and tested.noise_std is None
     table["redundancy"]["signals"]["pitch_rate"]["slow_tests"] = {"bias_tolerance": 9.0}
-    with pytest.raises(BadInput, match=r"pitch_rate\.slow_tests: biases are learned up to 1\.7 bias_tolerance, 15\.3"):
+    with pytest.raises(BadInput, match=r"pitch_rate\.slow_tests: biases are learned up to 2 bias_tolerance, 18"):
         load({**table, "duration_s": 1.0})
     table["redundancy"]["signals"]["pitch_rate"]["slow_tests"] = {"factor": 0.9}
     with pytest.raises(BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests\.factor") as refused:

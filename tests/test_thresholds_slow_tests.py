@@ -263,7 +263,7 @@ def test_a_bound_of_biases_above_the_designed_threshold_is_told(recorded: Any, r
     found = json.loads(rig_command("thresholds", *wanted, "--json")[1])
     assert found["signals"]["gyro"]["slow_tests"] is None
     (note,) = [note for note in found["notes"] if note.startswith("gyro: no slow-fault tests")]
-    assert "biases are learned up to 1.7 bias_tolerance, 13.6; this must be below the threshold of every" in note
+    assert "biases are learned up to 2 bias_tolerance, 16; this must be below the threshold of every" in note
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
@@ -275,7 +275,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "no noise": ({"default": {"slow_tests": {"noise_std": 0.0}}}, "slow_tests.noise_std"),
     "a bias above the threshold": (
         {"default": {"threshold": 2.0, "slow_tests": {"noise_std": 1.0, "bias_tolerance": 3.0}}},
-        "biases are learned up to 1.7 bias_tolerance, 5.1; this must be below the threshold of every level, 2",
+        "biases are learned up to 2 bias_tolerance, 6; this must be below the threshold of every level, 2",
     ),
     "figures without noise": ({"default": {"slow_tests": {"bias_tolerance": 0.1}}}, "slow_tests: needs noise_std"),
 }

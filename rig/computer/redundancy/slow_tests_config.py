@@ -10,7 +10,7 @@ from pydantic import Field
 from rig.core.settings import Settings
 from rig.world.sensors.data_sheet import DataSheet
 
-BIAS: Final = 1.7  # bias tolerances that a residual may be: those of a channel and of the median, with little to spare
+BIAS: Final = 2.0  # bias tolerances that a residual may be: that of a channel and that of the median
 NOISE: Final = 0.5  # of the noise of a sample: the least that residuals are measured by
 OFF: Final[Mapping[str, float]] = dict.fromkeys(
     (
