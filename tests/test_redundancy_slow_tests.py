@@ -18,6 +18,7 @@ from rig.core.errors import BadInput
 from rig.core.frame import DecidedBy, Ilm, State
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.scenario.scenario import load
+from rig.verdict.monitored_places import monitor
 
 SIGMA, THRESHOLD = 0.01, 1.0
 SEEDS = range(max(2, round(12 / FEWER)))
@@ -329,3 +330,18 @@ def test_a_scenario_takes_the_figures_of_its_sensors_and_refuses_a_sensor_withou
     silent = {"sensors": {"pitch_rate": {"noise_std": 0.0}}}
     with pytest.raises(BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests: needs noise_std"):
         load({**table, **silent, "duration_s": 1.0})
+
+
+def test_free_running_clocks_allow_a_frame_of_skew_more():
+    """Each computer reads its channels at its own time, up to a frame apart."""
+    sets = ["computers.count=4", "computers.exchange_rounds=1"]
+    together, free = (monitor(load(None, [*sets, f"computers.synchronised={on}"])) for on in ("true", "false"))
+    assert (together["slow_means"] > 0.0).all()
+    assert (free["slow_skew"] - together["slow_skew"]).tolist() == [1.0] * len(together)
+
+
+@pytest.mark.parametrize(("threshold", "tested"), [(0.049, False), (0.05, True), (0.06, True)])
+def test_a_narrower_threshold_flies_without_the_tests_of_the_aircraft(threshold: float, tested: bool):
+    signals = load(None, [f"redundancy.signals.pitch_rate.threshold={threshold}"]).redundancy.signals
+    assert (signals.pitch_rate.slow_tests is not None) is tested
+    assert signals.yaw_rate.slow_tests is not None
