@@ -145,7 +145,7 @@ def test_beside_tests_the_sums_are_of_what_their_biases_leave():
     keys = tested.slow_tests and tested.slow_tests.keys
     assert keys is not None
     tests = figures.model_copy(update={**keys, "factor": 99.0, "squares_factor": 99.0})  # so that sums alone isolate
-    far = dict.fromkeys(("threshold", "threshold_triplex", "threshold_duplex"), 99.0)
+    far = {"threshold": 99.0, "threshold_triplex": 99.0, "threshold_duplex": 99.0}
     settings = summed.settings(GIVEN.model_copy(update={"slow_tests": tests})).model_copy(update=far)
     others = [flight(100 + k, 4.0, 120.0) for k in range(10)]
     failed = sum(len(isolations(each.samples.T, settings, RATE, 50)) for each in others)
