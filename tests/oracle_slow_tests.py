@@ -61,7 +61,8 @@ class SlowTests:
         self.squares, self.whole = ({c: Mean(self.noise.value) for c in range(4)} for _ in range(2))
         twice = 2.0 if n == 2 else 1.0
         self.d, self.d_rho = [Mean() for _ in WAYS], [Mean() for _ in WAYS]
-        self.d_squares, self.d_whole = ([Mean(twice * self.halves_noise.value) for _ in WAYS] for _ in range(2))
+        noise = twice * self.halves_noise.value
+        self.d_squares, self.d_whole, self.d_energy = ([Mean(noise) for _ in WAYS] for _ in range(3))
         self.halves_shaken = 0.0
 
     def limit(self, frames: float, factor: float) -> float:
@@ -156,16 +157,19 @@ class SlowTests:
         four = len(y) == 4
         ways = WAYS if four else [({min(y)}, {max(y)})]
         healthy = max(self.halves_noise.value, self.halves_shaken, self.s.slow_noise**2) * (1.0 if four else 2.0)
-        sigma, limit = sqrt(healthy), self.limit(100.0, 1.0)
-        step = self.s.slow_means * limit / (1.0 - exp(-14.0 / 100.0)) * sigma
+        limit = self.limit(100.0, self.s.slow_halves) * sqrt(healthy)
+        square_limit = 1.2 * self.squares_limit / self.s.slow_squares * self.s.slow_halves
+        at_once = 1.0 - exp(-14.0 / 100.0)
+        step, energy_step = limit / at_once, healthy * (1.0 + square_limit / at_once)
         most = max(step, 2.8 * self.error)
         for i, (first, second) in enumerate(ways):
             d = sum(y[c] for c in first) / len(first) - sum(y[c] for c in second) / len(second)
             d = cut(d, most)
-            self.d_whole[i].move(d * d, min(self.k, 100))
+            self.d_whole[i].move(min(d * d, energy_step), min(self.k, 100))
             d = less(d, a * (1.5 if four else 2.0))
             self.d[i].move(cut(d, step), 100)
             self.d_squares[i].move(d * d, min(self.k, 100))
+            self.d_energy[i].move(min(d * d, energy_step), min(self.k, 100))
             if rho is not None:
                 self.d_rho[i].move(cut(rho, most) * d, 100)
         squares = [self.d_squares[i].value for i in range(len(ways))]
@@ -176,8 +180,8 @@ class SlowTests:
             return 0.0, 0, False
         way = max(range(len(ways)), key=lambda i: squares[i])
         alike = not four or sorted(squares)[1] < 0.35 * squares[way]
-        by_square = (squares[way] / healthy - 1.0) / (1.2 * self.squares_limit / self.s.slow_squares)
-        return max(abs(self.d[way].value) / (limit * sigma), by_square) / self.s.slow_halves, way, alike
+        by_square = (self.d_energy[way].value / healthy - 1.0) / square_limit
+        return max(abs(self.d[way].value) / limit, by_square), way, alike
 
     def half(self, way: int, share: float, rho: float | None, trusted: bool, use: set[int]) -> set[int]:
         """The half that the slope decides against, in the tenth frame in a row."""

@@ -129,10 +129,10 @@ def test_a_burst_isolates_no_channel_however_large(frames: int, size: float, fil
         assert vote(samples, truth(at, len(samples)), filter_s=filter_s).failed_at() == [None] * 4
 
 
-@pytest.mark.parametrize(("out", "most"), [([3], 7), ([0, 3], 3)])
+@pytest.mark.parametrize("out", [[3], [0, 3]])
 @pytest.mark.parametrize("size", [10.0, -100.0])
-def test_nor_does_a_burst_among_three_or_of_two_left(out: list[int], most: int, size: float):
-    for frames, at in ((1, 520), (1, 1000), (3, 1000), (most, 520), (most, 1000)):
+def test_nor_does_a_burst_among_three_or_of_two_left(out: list[int], size: float):
+    for frames, at in ((1, 520), (1, 1000), (3, 1000), (7, 520), (7, 1000)):
         samples = noise(at, at + 600)
         samples[500:, out] += 9.0
         samples[at : at + frames, 1] += size * THRESHOLD

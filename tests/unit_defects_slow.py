@@ -38,6 +38,12 @@ OF_MEANS = [
 ]
 OF_HALVES = [
     Defect(
+        "a burst counts in the mean square of halves in full",
+        "(smaller(d * d, steps.square) - h->energy[w]) * gain",
+        "((d * d) - h->energy[w]) * gain",
+    ),
+    Defect("halves decide by their mean alone", "((h->energy[way] / healthy) - 1.0) / square_limit", "0.0"),
+    Defect(
         "of the last two the lower sample is the first half",
         "(t->order[0] < t->order[1]) ? t->order[0] : t->order[1]",
         "t->order[0]",

@@ -59,8 +59,9 @@ struct slow_faults {
 /* Differences D of halves of the channels of one signal, by the way to halve them: first half less second. */
 struct halves {
     double mean[WAYS];
-    double square[WAYS];
-    double whole[WAYS];   /* mean square without the allowance for motion */
+    double energy[WAYS];  /* mean square, of limited steps */
+    double whole[WAYS];   /* the same without the allowance for motion */
+    double square[WAYS];  /* mean square of what counts in the product */
     double product[WAYS]; /* with the reference's difference from the median */
     double noise;         /* variance of the way that has least, its mean, */
     double shaken;        /* and of the last second */

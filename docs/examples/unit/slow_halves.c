@@ -21,8 +21,9 @@ void halves_begin(int n, struct slow_tests *t)
     for (int w = 0; w < WAYS; w++) {
         t->halves.mean[w] = 0.0;
         t->halves.product[w] = 0.0;
-        t->halves.square[w] = noise;
+        t->halves.energy[w] = noise;
         t->halves.whole[w] = noise;
+        t->halves.square[w] = noise;
     }
 }
 
@@ -54,18 +55,26 @@ static int write_apart(int n, double apart[WAYS], const struct slow_tests *t)
     return WAYS;
 }
 
-/* Move the means of one way: D counts up to `most`, in its mean up to `step`. */
-static void move_way(int w, double apart, double most, double step, double allowed, struct slow_tests *t)
+/* What D counts up to: against the reference, in its mean, and its square in the two mean squares. */
+struct steps {
+    double most;
+    double mean;
+    double square;
+};
+
+/* Move the means of one way. */
+static void move_way(int w, double apart, struct steps steps, double allowed, struct slow_tests *t)
 {
     struct halves *const h = &t->halves;
     const double gain = 1.0 / smaller(TESTS_SLOW, (double)t->learned);
-    const double limited = clamp(apart, -most, most);
+    const double limited = clamp(apart, -steps.most, steps.most);
     const double d = copysign(larger(fabs(limited) - allowed, 0.0), limited);
-    h->whole[w] += ((limited * limited) - h->whole[w]) * gain;
-    h->mean[w] += (clamp(d, -step, step) - h->mean[w]) * (1.0 / TESTS_SLOW);
+    h->whole[w] += (smaller(limited * limited, steps.square) - h->whole[w]) * gain;
+    h->mean[w] += (clamp(d, -steps.mean, steps.mean) - h->mean[w]) * (1.0 / TESTS_SLOW);
+    h->energy[w] += (smaller(d * d, steps.square) - h->energy[w]) * gain;
     h->square[w] += ((d * d) - h->square[w]) * gain;
     if (isfinite(t->reference_off)) {
-        h->product[w] += ((clamp(t->reference_off, -most, most) * d) - h->product[w]) * (1.0 / TESTS_SLOW);
+        h->product[w] += ((clamp(t->reference_off, -steps.most, steps.most) * d) - h->product[w]) * (1.0 / TESTS_SLOW);
     }
 }
 
@@ -79,8 +88,12 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     const double least_noise = t->set->slow_noise * t->set->slow_noise;
     const double healthy = (four ? 1.0 : 2.0) * larger(larger(h->noise, h->shaken), least_noise);
     const double sigma = sqrt(healthy);
-    const double step = t->slow_step * sigma;
-    const double most = larger(step, 2.8 * reference_error(t));
+    const double mean_limit = (t->slow_limit * (t->set->slow_halves / t->set->slow_means)) * sigma;
+    const double square_limit = (1.2 * t->square_limit) * (t->set->slow_halves / t->set->slow_squares);
+    struct steps steps;
+    steps.mean = mean_limit / tests_reached(TESTS_SLOW);
+    steps.square = healthy * (1.0 + (square_limit / tests_reached(TESTS_SLOW)));
+    steps.most = larger(steps.mean, 2.8 * reference_error(t));
     double apart[WAYS] = {0.0};
     double first = 0.0;
     double second = 0.0;
@@ -88,7 +101,7 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     int way = 0;
     const int ways = write_apart(n, apart, t);
     for (int w = 0; w < ways; w++) {
-        move_way(w, apart[w], most, step, (four ? 1.5 : 2.0) * allowed, t);
+        move_way(w, apart[w], steps, (four ? 1.5 : 2.0) * allowed, t);
         least = smaller(least, h->whole[w]);
         if (h->square[w] > first) {
             second = first;
@@ -105,9 +118,7 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     if (t->learned < TESTS_MEANS_FROM) {
         return no_half(t);
     }
-    const double by_mean = fabs(h->mean[way]) / ((t->slow_limit / t->set->slow_means) * sigma);
-    const double by_square = ((h->square[way] / healthy) - 1.0) / ((1.2 * t->square_limit) / t->set->slow_squares);
-    h->share = larger(by_mean, by_square) / t->set->slow_halves;
+    h->share = larger(fabs(h->mean[way]) / mean_limit, ((h->energy[way] / healthy) - 1.0) / square_limit);
     return ((n == 2) || (second < (ALONE * first))) ? way : NO_WAY;
 }
 

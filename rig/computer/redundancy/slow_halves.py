@@ -29,8 +29,9 @@ LEAST_SLOPE: Final = 0.1
 HALVES: Final = (
     ("apart", "f8", (WAYS,)),  # D, first half less second
     ("apart_mean", "f8", (WAYS,)),
-    ("apart_square", "f8", (WAYS,)),
-    ("apart_whole", "f8", (WAYS,)),  # mean square without the allowance for motion
+    ("apart_energy", "f8", (WAYS,)),  # mean square, of limited steps
+    ("apart_whole", "f8", (WAYS,)),  # the same without the allowance for motion
+    ("apart_square", "f8", (WAYS,)),  # mean square of what counts in the product
     ("apart_product", "f8", (WAYS,)),  # with the reference's difference from the median
     ("halves_noise", "f8"),  # variance of the way that has least, its mean
     ("halves_shaken", "f8"),  # and of the last second
@@ -52,7 +53,8 @@ def begin_halves(n, t):
     t["halves_run"], t["halves_share"], t["halves_shaken"] = 0, 0.0, 0.0
     for way in range(WAYS):
         t["apart_mean"][way] = t["apart_product"][way] = 0.0
-        t["apart_square"][way] = t["apart_whole"][way] = (2.0 if n == 2 else 1.0) * t["halves_noise"]
+        noise = (2.0 if n == 2 else 1.0) * t["halves_noise"]
+        t["apart_energy"][way] = t["apart_whole"][way] = t["apart_square"][way] = noise
 
 
 @kernel
@@ -78,15 +80,18 @@ def suspect_halves(n, allowed, p, t):
         return no_half(t)
     healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], t["halves_shaken"], p["slow_noise"] ** 2)
     sigma, allowed, ways = math.sqrt(healthy), (1.5 if n == CHANNELS else 2.0) * allowed, write_apart(n, t)
-    step = t["slow_step"] * sigma
+    mean_limit = t["slow_limit"] * (p["slow_halves"] / p["slow_means"]) * sigma
+    square_limit = 1.2 * t["square_limit"] * (p["slow_halves"] / p["slow_squares"])
+    step, square_step = mean_limit / reached(SLOW), healthy * (1.0 + square_limit / reached(SLOW))
     most, off = max(step, 2.8 * reference_error(p, t)), t["reference_off"]
     square, first, second, least, way = t["apart_square"], 0.0, 0.0, np.inf, 0
     gain = 1.0 / min(SLOW, float(t["learned"]))
     for w in range(ways):
         d = min(max(t["apart"][w], -most), most)
-        t["apart_whole"][w] += (d * d - t["apart_whole"][w]) * gain
+        t["apart_whole"][w] += (min(d * d, square_step) - t["apart_whole"][w]) * gain
         d = math.copysign(max(abs(d) - allowed, 0.0), d)
         t["apart_mean"][w] += (min(max(d, -step), step) - t["apart_mean"][w]) * (1.0 / SLOW)
+        t["apart_energy"][w] += (min(d * d, square_step) - t["apart_energy"][w]) * gain
         square[w] += (d * d - square[w]) * gain
         if np.isfinite(off):
             t["apart_product"][w] += (min(max(off, -most), most) * d - t["apart_product"][w]) * (1.0 / SLOW)
@@ -100,9 +105,8 @@ def suspect_halves(n, allowed, p, t):
         t["halves_noise"] += (least - t["halves_noise"]) / min(float(t["learned"]), LEARNING)
     if t["learned"] < MEANS_FROM:
         return no_half(t)
-    by_mean = abs(t["apart_mean"][way]) / (t["slow_limit"] / p["slow_means"] * sigma)
-    by_square = (square[way] / healthy - 1.0) / (1.2 * t["square_limit"] / p["slow_squares"])
-    t["halves_share"] = max(by_mean, by_square) / p["slow_halves"]
+    by_square = (t["apart_energy"][way] / healthy - 1.0) / square_limit
+    t["halves_share"] = max(abs(t["apart_mean"][way]) / mean_limit, by_square)
     return way if n == 2 or second < ALONE * first else NONE
 
 
