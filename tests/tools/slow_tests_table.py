@@ -69,8 +69,8 @@ def main() -> None:
 def share(part: pl.DataFrame) -> str:
     """Isolated, and healthy channels failed, in percent."""
     words = part["outcome"].to_list()
-    isolated, missed = (words.count(word) / len(words) for word in ("isolated", "missed"))
-    return f"{100 * isolated:5.1f} ({100 * (1 - isolated - missed):4.1f})"
+    isolated, missed = (words.count(word) for word in ("isolated", "missed"))
+    return f"{100 * isolated / len(words):5.1f} ({100 * (len(words) - isolated - missed) / len(words):4.1f})"
 
 
 if __name__ == "__main__":
