@@ -56,12 +56,62 @@ def lanes_of(rig: Rig) -> np.ndarray:
     return np.concatenate([lanes for block in blocks for lanes in block])
 
 
+LANES_FAIL = (
+    *(
+        "f16_four_lanes_lost",
+        "f16_software",
+        "f16_link_byzantine",
+        "f16_clock_drift",
+        "f16_wrong_command",
+        "f16_link_loss",
+    ),
+    *(
+        "f16_computer_stop",
+        "f16_link_frozen",
+        "f16_link_corrupt",
+        "f16_checksum",
+        "f16_power_loss",
+        "f16_dac",
+        "f16_adc",
+    ),
+)
+READMITTED = [
+    "computers.count=4",
+    'computers.commands=[{at_s=0.5,do="disengage",lane="A"},{at_s=2.0,do="readmit",lane="A"},{at_s=2.5,do="backup"}]',
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "sets"),
+    [*((name, []) for name in LANES_FAIL), (None, READMITTED), (None, ["computers.count=4", "computers.output=own"])],
+)
+def test_one_lane_thinks_for_all_that_are_alike_and_every_bit_is_as_if_each_did(name: str | None, sets: list[str]):
+    """Rows, and all records of the lanes, until they are parted and after."""
+    made = scenario.load(name, ["duration_s=6", *sets])
+    rows, lanes = zip(*(recorded(made, alike) for alike in (True, False)), strict=True)
+    assert rows[0] == rows[1] and lanes[0] == lanes[1]
+
+
+def recorded(made: scenario.Scenario, alike: bool) -> tuple[bytes, bytes]:
+    """The rows of a flight, and those of its lanes."""
+    rig = Rig(made)
+    assert rig.computers is not None and rig.computers.data.alike.all()
+    if not alike:
+        rig.computers.data.alike[:] = 0
+    rows, lanes = [], []
+    for block, _ in frames(rig, rig.scenario):
+        rows.append(block.tobytes())
+        lanes += [part.tobytes() for part in rig.beside(len(block))]
+    return b"".join(rows), b"".join(lanes)
+
+
 @pytest.mark.parametrize("output", ["own", "voted"])
 def test_each_lane_asks_its_own_channel_of_every_servo(output: str):
     """A lane whose integrator begins elsewhere; each drives its coils with its own command, or all with the median."""
     sets = [SERVO, "duration_s=0.5", "faults=[]", "computers.count=4", f"computers.output={output}"]
     rig = Rig(scenario.load(None, [*sets, "computers.equalise=false"]))
     assert rig.computers is not None
+    rig.computers.data.alike[:] = 0
     rig.computers.data.control["surface"][2] += 0.02
     rig.computers.data.control["elevator_integral"][2] += 0.02
     lanes = lanes_of(rig)

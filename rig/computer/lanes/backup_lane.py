@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from rig.computer.lanes.alike import copy_state, holder, part
 from rig.computer.lanes.command import rejoin
 from rig.computer.lanes.health import NO_LANE, is_engaged, responds
 from rig.computer.lanes.lane_clock import insert
@@ -89,20 +90,7 @@ def other_engaged(i, lanes):
 @inlined
 def take_over(i, j, lanes):
     """Give computer i all that computer j has."""
+    if i != PLACE and lanes.alike[i] != 0:
+        part(lanes)
     lanes.fcc[i] = lanes.fcc[j]
-    copy(lanes.references, i, j)
-    copy(lanes.manager, i, j)
-    copy(lanes.boxes, i, j)
-    copy(lanes.discretes, i, j)
-    copy(lanes.control, i, j)
-    copy(lanes.fdi, i, j)
-    copy(lanes.kept, i, j)
-    copy(lanes.gain, i, j)
-    copy(lanes.memory, i, j)
-
-
-@kernel
-def copy(states, i, j):
-    """Copy what computer j has of ``states``, (5, n) records, to computer i."""
-    for n in range(states.shape[1]):
-        states[i, n] = states[j, n]
+    copy_state(i, holder(j, lanes), lanes)

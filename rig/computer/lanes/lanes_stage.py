@@ -4,12 +4,13 @@ Their frame, each part in one file:
 
     engage    who is engaged, stops, starts again and leads                                 health.py
     share     each samples its own channel and has the others' by the link                  link.py, exchange.py
-    think     as one computer does, with the same kernels, on its own BUS and FCC           think.py
+    think     as one computer does, with the same kernels, on its own BUS and FCC           think.py, alike.py
     command   each tells its command, votes all, and puts out what is voted                 command.py
     test      each tests itself and the others                                              health.py
     lead      the first engaged lane's FCC is the row's; where none is, the back-up's       backup_lane.py
 
-The row holds the decisions of the leading lane.  Lanes that hold the same samples are equal, bit for bit.
+The row holds the decisions of the leading lane.  Lanes that hold the same samples are equal, bit for bit; one of them
+thinks for all.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from rig.computer.analytic.references import ReferenceData
 from rig.computer.control.law_state import ControlData
+from rig.computer.lanes.alike import follow_thought, follow_vote, follows, stay_alike
 from rig.computer.lanes.backup_lane import PLACE, fly_backup, join
 from rig.computer.lanes.command import (
     CommandData,
@@ -82,6 +84,7 @@ class LaneData(NamedTuple):
     manager: NDArray[Any]
     boxes: NDArray[Any]
     failed: NDArray[np.uint8]  # (4,) lanes that are failed, as all know at the beginning of the frame
+    alike: NDArray[np.uint8]  # (4,) lanes that have had the same samples: the first of them holds their state
     discretes: NDArray[Any]
     control: NDArray[Any]
     gain: NDArray[np.float64]
@@ -129,6 +132,7 @@ class Lanes:
             manager=_of_each(redundancy.manager.state),
             boxes=_of_each(redundancy.manager.boxes),
             failed=np.zeros(_LANES, np.uint8),
+            alike=np.array([i < config.count and i != outside for i in range(_LANES)], np.uint8),
             discretes=_of_each(redundancy.discretes.state),
             control=_of_each(control.state),
             gain=_of_each(control.gain),
@@ -176,7 +180,8 @@ def think_before(row, k, data, lanes):
     join(lanes)
     for i in range(lanes.fitted):
         lanes.failed[i] = lanes.health.lane[i]["health"] == Health.FAILED
-    share_samples(row, lanes.bus, lanes.clocks.clock[0]["lead"], lanes.running, data.faults, lanes.links)
+    lead = lanes.clocks.clock[0]["lead"]
+    stay_alike(share_samples(row, lanes.bus, lead, lanes.running, data.faults, lanes.links), lanes)
     think_apart(row, k, data, lanes)
 
 
@@ -194,12 +199,14 @@ def think_after(row, k, data, lanes):
 
 @inlined
 def think_apart(row, k, data, lanes):
-    """Let every lane that runs think on its own BUS."""
+    """Let every lane that runs think on its own BUS, or follow one that is alike."""
     for i in range(lanes.fitted):
-        if lanes.running[i] != 0:
+        if lanes.running[i] != 0 and not follows(i, lanes):
             equalise(i, lanes.control[i, 0], lanes.links, lanes.health, lanes.commands)
     for i in range(lanes.fitted):
-        if lanes.running[i] != 0:
+        if follows(i, lanes):
+            follow_thought(i, lanes)
+        elif lanes.running[i] != 0:
             lanes.fcc[i] = row["fcc"]
             own = of_lane(i, data, lanes)
             if i == lanes.outside:
@@ -223,7 +230,9 @@ def command(row, lanes, faults):
         if running[i] != 0:
             for s in range(_SURFACES):
                 lanes.fcc[i]["surface"][s] = data.meant[i, s] = data.told[i, s]
-            if is_engaged(lanes.health.lane[i]):
+            if follows(i, lanes):
+                follow_vote(i, lanes)
+            elif is_engaged(lanes.health.lane[i]):
                 vote_commands(i, lanes.clocks.clock[0]["lead"], lanes.fcc, lanes.links, lanes.health, data)
     note_unresolved(lanes.health, data)
     for i in range(lanes.fitted):

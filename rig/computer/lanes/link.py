@@ -102,6 +102,7 @@ def share_samples(row, each, lead, running, faults, data):
 
     each : (4,) BUS;  lead : (4,) frames by which each samples early;  running : (4,) lanes that transmit
     data : LinkData
+    Return True if every lane has what was sampled.
     """
     link, bus = data.link[0], row["bus"]
     broken = break_links(row, data.parts, faults)
@@ -116,7 +117,7 @@ def share_samples(row, each, lead, running, faults, data):
     if not broken and in_time(lead, link):
         if link["quiet"] == 0:
             settle(data)
-        return
+        return True
     if link["quiet"] != 0:
         for i in range(link["fitted"]):
             for j in range(link["fitted"]):
@@ -127,6 +128,7 @@ def share_samples(row, each, lead, running, faults, data):
         tell(j, data)
         exchange(j, data.words, data.said, link["rounds"], data.held)
         hold(j, each, data)
+    return False
 
 
 @kernel
