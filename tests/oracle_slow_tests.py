@@ -56,7 +56,7 @@ class SlowTests:
 
     def begin(self, n: int) -> None:
         """Another number of channels."""
-        self.level, self.run, self.shaken = n, 0, 0.0
+        self.level, self.run, self.shaken, self.reference_k = n, 0, 0.0, 0
         self.fast, self.slow = ({c: Mean() for c in range(4)} for _ in range(2))
         self.squares, self.whole = ({c: Mean(self.noise.value) for c in range(4)} for _ in range(2))
         twice = 2.0 if n == 2 else 1.0

@@ -251,6 +251,18 @@ def test_one_of_two_left_is_isolated_by_the_slope(wrong: int, kind: str):
     assert vote(samples).failed_at()[wrong] is None and vote(samples).failed_at()[2 - wrong] is None
 
 
+@pytest.mark.parametrize("follows", [0.06, -0.06])
+def test_a_reference_that_follows_the_vote_after_two_isolations_blames_no_healthy_channel(follows: float):
+    """It remembers the vote, which two biased channels leave; the one that then drifts is isolated, or none."""
+    for seed in SEEDS:
+        samples, k = noise(seed, 3000), np.arange(2500)
+        samples[500:, [1, 3]] += 9.0
+        reference = truth(seed, 3000)
+        reference[500:] += follows * (1.0 - np.exp(-k / 150.0))
+        samples[1000:, 2] += np.arange(2000) * 2e-4 * np.sign(follows)
+        assert vote(samples, reference).failed_at()[0] is None, seed
+
+
 def test_a_reference_that_jumps_while_two_are_left_isolates_none():
     samples = noise(14, 4000)
     samples[500:, [1, 3]] += 9.0

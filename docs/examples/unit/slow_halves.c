@@ -2,7 +2,7 @@
  *
  * docs/explanation/decisions.md 'Slow-fault tests'.  D is the difference of two halves: of four channels there are three ways to
  * halve them, of two there is one.  Beside the median a healthy reference moves against D if the first half is wrong, with D if
- * the second is: the slope of one on the other over a second decides, in which a constant error of the reference has no part.
+ * the second is: the slope of one on the other over a second decides.  A constant error of the reference is in its bias.
  */
 #include "monitor.h"
 

@@ -67,11 +67,13 @@ double tests_middle(const struct frame *f, struct slow_tests *t)
     return mean(t->value[t->order[(f->n - 1) / 2]], t->value[t->order[f->n / 2]], 0.5);
 }
 
-/* Another number of channels has another middle: all means begin again, biases stay. */
+/* Another number of channels has another middle: all means begin again, biases stay.  But that of the reference is learned
+ * again: a reference that keeps what the vote was follows the vote's step. */
 static void begin_again(int n, struct slow_tests *t)
 {
     t->level = n;
     t->shaken = 0.0;
+    t->reference_learned = 0;
     for (int c = 0; c < RIG_CHANNELS; c++) {
         t->fast[c] = 0.0;
         t->slow[c] = 0.0;

@@ -3,7 +3,7 @@
 D is the difference of two halves: of four channels there are three ways to halve them, of two there is one.  A healthy
 reference follows the right half, so beside the median it moves against D if the first half is wrong, with D if the
 second is: the slope of (reference less its bias less median) on D over a second decides.  A constant error of the
-reference has no part in a slope.  Where D is no larger than the reference's own healthy error nothing is decided.
+reference is in its bias.  Where D is no larger than the reference's own healthy error nothing is decided.
 Added: docs/explanation/decisions.md, 'Slow-fault tests'.
 """
 

@@ -123,8 +123,11 @@ def rank_without_bias(n, st, t):
 
 @kernel
 def begin_again(n, t):
-    """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay."""
-    t["level"], t["shaken"] = n, 0.0
+    """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay.
+
+    But that of the reference is learned again: a reference that keeps what the vote was follows the vote's step.
+    """
+    t["level"], t["shaken"], t["reference_learned"] = n, 0.0, 0
     for c in range(CHANNELS):
         t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
         t["square"][c] = t["whole"][c] = t["noise"]
