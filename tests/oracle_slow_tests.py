@@ -137,15 +137,17 @@ class SlowTests:
         """The channel with the largest share, if it is alone."""
         worst = max(shares, key=lambda c: shares[c])
         calm = sum(share < 0.5 * shares[worst] for share in shares.values())
-        alone = self.alone(calm, len(shares))
+        by_means = shares[worst] == self.of_means[worst]
+        noisy = self.squares[worst].value > (2.0 * self.s.slow_noise) ** 2 * (1.0 + self.squares_limit)
+        alone = self.alone(calm, len(shares), by_means or noisy)
         if shares[worst] > 1.0:
-            self.by = "slow_means" if shares[worst] == self.of_means[worst] else "slow_squares"
+            self.by = "slow_means" if by_means else "slow_squares"
             self.rules.add(f"test: one by {self.by}" if alone else "test: not alone")
         return {worst} if shares[worst] > 1.0 and alone else set()
 
-    def alone(self, calm: int, n: int) -> bool:
+    def alone(self, calm: int, n: int, beyond_the_sheet: bool) -> bool:
         """Whether enough of ``n`` channels are calm."""
-        return calm > n / 2 or (n == 4 and calm == 2)
+        return calm > n / 2 or (n == 4 and calm == 2 and beyond_the_sheet)
 
     @property
     def error(self) -> float:

@@ -89,6 +89,18 @@ def test_two_small_steps_at_once_in_opposite_directions_isolate_neither_healthy_
     assert [vote(samples).failed_at()[c] for c in (1, 2)] == [None, None]
 
 
+def test_two_that_stand_still_alike_isolate_no_channel_whose_noise_is_that_of_the_data_sheet():
+    """The lowest noise is then none; two that are noisier than the data sheet are isolated."""
+    for sigma, found in ((1.0, False), (3.0, True)):
+        samples = noise(23, 5000)
+        if found:
+            samples[2000:, [0, 3]] *= sigma
+        else:
+            samples[2000:, [1, 2]] = np.arange(3000)[:, None] * 1e-7  # no sample repeats bit for bit
+        failed = [c for c, at in enumerate(vote(samples).failed_at()) if at is not None]
+        assert failed == ([0, 3] if found else []), sigma
+
+
 def test_no_vote_is_moved_while_no_channel_is_isolated():
     samples = noise(19, 1500) + np.array([0.08, 0.03, 0.0, -0.05])
     assert (vote(samples).voted == vote_samples(samples, threshold=THRESHOLD).voted).all()

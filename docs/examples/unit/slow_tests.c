@@ -11,6 +11,7 @@
 
 #define FAST 16.0       /* frames of the fast mean, */
 #define SQUARE 128.0    /* and of that of squares */
+#define LEAST 2.0       /* noise of the data sheet over slow_noise, the least that is reckoned with */
 #define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
 #define SQUARES_FROM 500 /* frames that are learned before the mean of squares tells anything */
 #define CALM 0.5        /* of a limit */
@@ -169,12 +170,14 @@ static unsigned isolate_one(int worst, int n, struct slow_tests *t)
     for (int i = 0; i < n; i++) {
         calm += (t->share[t->order[i]] < (CALM * t->share[worst])) ? 1 : 0;
     }
-    if (((2 * calm) <= n) && !((n == RIG_CHANNELS) && (calm == 2))) {
-        return 0U;
-    }
     const double fast = fabs(t->fast[worst]) * (1.0 / t->fast_limit);
     const double slow = fabs(t->slow[worst]) * (1.0 / t->slow_limit);
     const bool by_means = larger(fast, slow) >= t->share[worst];
+    const double sheet = t->set->slow_noise * LEAST;
+    const bool noisy = t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit));
+    if (((2 * calm) <= n) && !((n == RIG_CHANNELS) && (calm == 2) && (by_means || noisy))) {
+        return 0U;
+    }
     t->by = by_means ? RIG_DECIDED_BY_SLOW_MEANS : RIG_DECIDED_BY_SLOW_SQUARES;
     return 1U << worst;
 }

@@ -35,6 +35,7 @@ FAST, SQUARE = 16.0, 128.0  # frames of the fast mean and of that of squares
 SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
 SQUARES_FROM: Final = 500  # frames that are learned before the mean of squares tells anything
 CALM: Final = 0.5  # of a limit
+LEAST: Final = 2.0  # noise of the data sheet over ``slow_noise``, the least that is reckoned with
 TESTS: Final = np.dtype(
     [
         ("by", "i8"),  # which test isolates in this frame, a DecidedBy
@@ -102,7 +103,7 @@ def isolate_slow(reference, n, p, st):
     alike = t["halves_share"] * p["slow_halves"]
     suspected = max(t["share"][worst], t["halves_share"])
     if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
-        bits = isolate_one(worst, n, t)
+        bits = isolate_one(worst, n, p, t)
     elif bits != 0:
         t["by"] = DecidedBy.SLOW_HALVES.value
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
@@ -212,20 +213,23 @@ def move_means(m, allowed, variance, n, p, t):
 
 
 @kernel
-def isolate_one(worst, n, t):
+def isolate_one(worst, n, p, t):
     """Return the bit of the channel whose share is above 1, if most others are below half of it; 0 for none.
 
-    Most: more than half of the channels, or two of four, whose other two are then told apart by slow_halves.
+    Most: more than half of the channels, or two of four, whose other two are then told apart by slow_halves.  Two that
+    stand still make the noise of the other two look like a fault: it must be more than the data sheet's then.
     """
     share, order, calm = t["share"], t["order"], 0
     if share[worst] <= 1.0:
         return 0
     for i in range(n):
         calm += share[order[i]] < CALM * share[worst]
-    if 2 * calm <= n and not (n == CHANNELS and calm == 2):
+    means = max(abs(t["fast"][worst]) * (1.0 / t["fast_limit"]), abs(t["slow"][worst]) * (1.0 / t["slow_limit"]))
+    by_means = means >= share[worst]
+    noisy = t["square"][worst] > (p["slow_noise"] * LEAST) ** 2 * (1.0 + t["square_limit"])
+    if 2 * calm <= n and not (n == CHANNELS and calm == 2 and (by_means or noisy)):
         return 0
-    by_means = max(abs(t["fast"][worst]) * (1.0 / t["fast_limit"]), abs(t["slow"][worst]) * (1.0 / t["slow_limit"]))
-    t["by"] = DecidedBy.SLOW_MEANS.value if by_means >= share[worst] else DecidedBy.SLOW_SQUARES.value
+    t["by"] = DecidedBy.SLOW_MEANS.value if by_means else DecidedBy.SLOW_SQUARES.value
     return 1 << worst
 
 
