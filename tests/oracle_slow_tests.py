@@ -136,14 +136,15 @@ class SlowTests:
     def one(self, shares: dict[int, float]) -> set[int]:
         """The channel with the largest share, if it is alone."""
         worst = max(shares, key=lambda c: shares[c])
-        calm = sum(share < 0.5 * shares[worst] for share in shares.values())
+        if shares[worst] <= 1.0:
+            return set()
         by_means = shares[worst] == self.of_means[worst]
         noisy = self.squares[worst].value > (2.0 * self.s.slow_noise) ** 2 * (1.0 + self.squares_limit)
+        calm = sum(share < 0.5 * shares[worst] for share in shares.values())
         alone = self.alone(calm, len(shares), by_means or noisy)
-        if shares[worst] > 1.0:
-            self.by = "slow_means" if by_means else "slow_squares"
-            self.rules.add(f"test: one by {self.by}" if alone else "test: not alone")
-        return {worst} if shares[worst] > 1.0 and alone else set()
+        self.by = "slow_means" if by_means else "slow_squares"
+        self.rules.add(f"test: one by {self.by}" if alone else "test: not alone")
+        return {worst} if alone else set()
 
     def alone(self, calm: int, n: int, beyond_the_sheet: bool) -> bool:
         """Whether enough of ``n`` channels are calm."""
