@@ -3,9 +3,12 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from unit_files import needs_a_compiler, unit
+
+from rig.cli.search import SearchOptions, _plan
 
 Command = Callable[..., tuple[int, str, str]]
 FILE = """
@@ -58,6 +61,23 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     code, out, err = rig_command("search", space(tmp_path, varied), *given, "--flights", "60", "--out", "s", *options)
     assert (code, out) == (2, "") and told in err and err.count("\n") == 1
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "first"),
+    [
+        ({}, True),
+        ({"trials_first": False}, False),
+        ({"requirement": ["departure"]}, False),  # needs the plant
+        ({"method": "cma"}, False),
+        ({"bench": True}, False),
+        ({"unit": Path("unit.toml")}, False),
+        ({"sets": ["redundancy.manager=rig.none:Other"]}, False),
+    ],
+)
+def test_trials_come_first_where_open_loop_can_have_the_settings(tmp_path: Path, more: dict[str, Any], first: bool):
+    options = {"campaign": space(tmp_path), "flights": 60, "out": tmp_path / "s", "requirement": ["vote"], **more}
+    assert _plan(SearchOptions(**options)).asked.trials_first == first
 
 
 def test_a_folder_of_something_else_is_refused(rig_command: Command, tmp_path: Path):

@@ -41,9 +41,9 @@ def arg(metavar: str, text: str, **more: Any) -> Any:
     return Argument(metavar=metavar, help=text, **{"show_default": False, **more})
 
 
-def flag(name: str, text: str) -> Any:
+def flag(name: str, text: str, **more: Any) -> Any:
     """Declare a switch."""
-    return Option(name, help=text)
+    return Option(name, help=text, **more)
 
 
 def named(kind: Callable[..., Made], options: Any, **more: Any) -> Made:

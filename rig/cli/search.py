@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -74,8 +74,13 @@ class SearchOptions:
         bool, flag("--bench", "Search in open loop: one signal, on the true values of a healthy flight.")
     ] = False
     trials_first: Annotated[
-        bool, flag("--trials-first", "Search in open loop first, ten times as long; begin flights at what it found.")
-    ] = False
+        bool | None,
+        flag(
+            "--trials-first/--no-trials-first",
+            "Search in open loop first, ten times as long; begin flights at what it found.",
+            show_default="where --bench could search",
+        ),
+    ] = None
     unit: UnitFile = None
     scheduler: Scheduler = None
     seed: Seed = 0
@@ -113,17 +118,22 @@ def _plan(options: SearchOptions) -> SearchPlan:
     from rig.studies.search.methods import require_method
     from rig.studies.search.objective import chosen
     from rig.studies.search.search_plan import Asked, SearchPlan, parse_against
+    from rig.studies.search.trials_first import can_try
 
     require_method(options.method)
     if not options.requirement:
         raise BadInput("--requirement: is needed, except with --plant")
-    asked = named(Asked, options, requirements=tuple(dict.fromkeys(options.requirement)))
+    requirement = tuple(dict.fromkeys(options.requirement))
+    asked = named(Asked, options, requirements=requirement, trials_first=bool(options.trials_first))
     given = dict(map(parse_set, options.sets or []))
     source, campaign = str(find(options.campaign)), read(options.campaign, given)
     against = [] if options.against is None else [parse_against(options.against)]
     trust = Trust(source, options.allow_code, named_manager([*given.items(), *against]))
     requirements = chosen(asked.requirements, options.requirements or [], campaign.requirements or [])
-    return SearchPlan(campaign, source, asked, requirements, trust)
+    plan = SearchPlan(campaign, source, asked, requirements, trust)
+    if options.trials_first is None and options.unit is None and can_try(plan):
+        return SearchPlan(campaign, source, replace(asked, trials_first=True), requirements, trust)
+    return plan
 
 
 def _trials(f: dict[str, int]) -> str:

@@ -1,7 +1,7 @@
 """Violations that each method finds, seed by seed, where about 2 % of random flights violate.
 
     python tests/tools/search_table.py [--trials] [--space f16] [--arms 1] [--method regions] [--seeds 3 11]
-                                       [--flights 240] [--workers 1] [--trials-first]
+                                       [--flights 240] [--workers 1] [--no-trials-first]
 
 A space: two drifts and an offset of one sign on three channels of one signal, each 0.4 to 10 thresholds (drifts: a
 twentieth to five thresholds a second) from 3 to 6 s, in a flight of 14 s in light turbulence with the default manager.
@@ -192,7 +192,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs=2, default=(3, 11))
     parser.add_argument("--flights", type=int, default=240)
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--trials-first", action="store_true", help="only with --method regions")
+    parser.add_argument("--trials-first", action=argparse.BooleanOptionalAction, default=True, help="for regions")
     parser.add_argument("--bound", type=float, help="in thresholds, known from an earlier call; for one space")
     given = parser.parse_args()
     with Pool(given.workers) as pool:
@@ -202,9 +202,10 @@ def main() -> None:
             for arms in given.arms or [1]:
                 for method in given.method or get_args(Method):
                     seeds = range(*given.seeds)
-                    size = given.flights, given.trials, bound, given.trials_first
+                    trials_first = given.trials_first and not given.trials and method == "regions"
+                    size = given.flights, given.trials, bound, trials_first
                     found = pool.map(search, [Job(name, arms, method, seed, *size) for seed in seeds], 1)
-                    show(f"{name}, {arms}", f"{method}{', trials first' if given.trials_first else ''}", found)
+                    show(f"{name}, {arms}", f"{method}{', trials first' if trials_first else ''}", found)
 
 
 if __name__ == "__main__":

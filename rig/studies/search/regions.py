@@ -2,9 +2,10 @@
 
 First a Sobol sequence in each arm.  Then rounds of eight: of many candidates, most of them near the best points, those
 that a forest of extremely randomised trees expects to be worst, or is unsure of (Geurts, Ernst and Wehenkel, Machine
-Learning 63, 2006).  A region, a ball around its best point, is closed when it has ENOUGH finds or PATIENCE rounds
-without a better value; the next region begins at the best point outside.  A search that cannot leave its first basin
-depends on chance: where half of the cube is flat, its best random point decides.
+Learning 63, 2006).  A region, a ball around its best point, is closed when it is full, with ENOUGH finds, or after
+PATIENCE poor rounds; the next region begins at the best point outside.  A search that cannot leave its first basin
+depends on chance: where half of the cube is flat, its best random point decides.  A search that never comes back wastes
+its draws where no other basin is: after a poor region the full ones are open again, for ENOUGH finds more.
 
 The forest is imported only here and late: the import takes seconds.
 """
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
     from scipy.stats.qmc import Sobol
 
 ROUND: Final = 8  # draws
-ENOUGH: Final = 24  # finds that close a region
-PATIENCE: Final = 4  # rounds without a better value that close it
+ENOUGH: Final = 24  # finds that fill a region
+PATIENCE: Final = 4  # poor rounds that close it
+_SEVERAL: Final = 2  # finds of a round that is not poor
 EXPLORE: Final = 3 / 8  # of a round, taken anywhere until the region has a find
 _APART: Final = 0.08  # between the draws of a round
 _BETTER: Final = 1e-3  # of a value, that counts
@@ -85,7 +87,8 @@ def regions(
         results = yield asked
         flown.add(asked, results)
         now = float(flown.value[flown.open].min()) if flown.open.any() else math.inf
-        waited = 0 if now < best - _BETTER or sum(each.violated for each in results) >= 2 else waited + 1
+        better = now < best - _BETTER and not flown.full  # where finds are known, a slope alone is little
+        waited = 0 if better or sum(each.violated for each in results) >= _SEVERAL else waited + 1
         best = min(best, now)
     return flown.standing() if len(flown) > first else ""
 
@@ -175,9 +178,10 @@ class _Flown:
 
     def __init__(self, arms: Sequence[Space]) -> None:
         self._dimensions = np.array([arm.dimensions for arm in arms])
-        self._width, self._closed = int(self._dimensions.max()), list[Draw]()
+        self._width = int(self._dimensions.max())
         self.draws: list[Draw] = []
-        self.enough, self._full, self._poor = ENOUGH, 0, 0
+        self.enough = ENOUGH
+        self.full, self._poor = list[Draw](), list[Draw]()  # the centres of closed regions
         self.value, self._violated, self.open = np.zeros(0), np.zeros(0, bool), np.zeros(0, bool)
         self._arm, self._point = np.zeros(0, np.int64), np.zeros((0, self._width))
         self._tried = np.zeros(len(arms), bool)
@@ -201,37 +205,42 @@ class _Flown:
         return places[np.argsort(self.value[places], kind="stable")]
 
     def found(self) -> int:
-        """Return the number of finds in the region around the best open point."""
-        return int((self._violated & _within(self.draws[self.ranked()[0]], self._arm, self._point)).sum())
+        """Return the number of finds in the region around the best open point, outside of closed ones."""
+        here = _within(self.draws[self.ranked()[0]], self._arm, self._point)
+        return int((self._violated & self.open & here).sum())
 
     def close(self) -> None:
-        """Close the region around the best open point; if none is open, open all for twice as many finds."""
+        """Close the region around the best open point; open the full ones where nothing better is known."""
         if self.open.any():
-            is_full = self.found() >= self.enough
-            self._full, self._poor = self._full + is_full, self._poor + (not is_full)
-            self._closed.append(self.draws[self.ranked()[0]])
-            self.open &= ~_within(self._closed[-1], self._arm, self._point)
-        else:
-            self._closed.clear()
-            self.open[:] = True
-            self.enough *= 2
+            is_full, centre = self.found() >= self.enough, self.draws[self.ranked()[0]]
+            (self.full if is_full else self._poor).append(centre)
+            self.open &= ~_within(centre, self._arm, self._point)
+            if is_full:
+                return
+        if self.full:
+            self.full.clear()
+            self.enough += ENOUGH
+        elif not self.open.any():
+            self._poor.clear()
+        self.open = self.outside(self.draws)
 
     def standing(self) -> str:
         """Return how many regions are closed, and why; and what the open one has."""
-        which, found = "last" if self._full or self._poor else "first", self.found() if self.open.any() else 0
+        full, poor = len(self.full), len(self._poor)
+        which, found = "last" if full or poor else "first", self.found() if self.open.any() else 0
         parts = [
-            f"{self._full} closed with {ENOUGH} violations or more" if self._full else "",
-            f"{self._poor} closed after {PATIENCE} rounds without a lower robustness" if self._poor else "",
+            f"{full} full with {self.enough} violations or more" if full else "",
+            f"{poor} closed after {PATIENCE} poor rounds" if poor else "",
             f"the {which} is open with {found} violation{'s' * (found != 1)}" if self.open.any() else "none is open",
         ]
-        again = f"; all were closed, and {self.enough} violations now close one" if self.enough > ENOUGH else ""
+        again = f"; full ones were opened again, and are now full with {self.enough}" if self.enough > ENOUGH else ""
         return f"regions: {', '.join(filter(None, parts))}{again}"
 
     def outside(self, draws: Sequence[Draw]) -> NDArray[np.bool_]:
         """Return whether each point is outside of all closed regions."""
         arm, point = _places(draws, self._width)
         out = np.ones(len(draws), bool)
-        for centre in self._closed:
+        for centre in (*self.full, *self._poor):
             out &= ~_within(centre, arm, point)
         return out
 

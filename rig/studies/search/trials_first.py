@@ -22,6 +22,7 @@ from rig.studies.search.rounds import Draw
 from rig.studies.search.search_plan import Asked, Row, SearchPlan
 
 TIMES: Final = 10  # trials for each draw of the search
+MOST: Final = 6000  # trials; the forest makes those of a long search slow
 ROUND: Final = 40  # trials
 LEAST: Final = 8  # flights that trials choose, and a tenth of all
 
@@ -46,7 +47,8 @@ def trial_plan(plan: SearchPlan) -> SearchPlan:
     asked = plan.asked
     if asked.bench or asked.method != "regions":
         raise BadInput(f"--trials-first: not with {'--bench' if asked.bench else f'--method {asked.method}'}")
-    trials = Asked(asked.requirements, TIMES * asked.flights, "regions", asked.against, asked.seed, bench=True)
+    count = min(TIMES * asked.flights, MOST)
+    trials = Asked(asked.requirements, count, "regions", asked.against, asked.seed, bench=True)
     requirements = [each for each in plan.requirements if each.id != VOTE.id]
     made = SearchPlan(plan.campaign, plan.source, trials, requirements, plan.trust)
     try:
@@ -54,6 +56,15 @@ def trial_plan(plan: SearchPlan) -> SearchPlan:
     except BadInput as error:
         raise BadInput(str(error).replace("--bench", "--trials-first")) from None
     return made
+
+
+def can_try(plan: SearchPlan) -> bool:
+    """Return True if open-loop trials can have the settings of a search by regions."""
+    try:
+        trial_plan(plan)
+    except BadInput:
+        return False
+    return True
 
 
 def tried(plan: SearchPlan, stop: Stop) -> Tried:
