@@ -1,7 +1,7 @@
 """Kernels that only kernels call: kept as LLVM's intermediate code, of which the kernel that Python calls is compiled.
 
-numba optimises and translates every function with everything that it reaches, because it links that in.  Of a flight's
-420 kernels Python calls ten, and the machine code of the others never runs.  Here they end before LLVM optimises them:
+numba optimises and translates every function with everything that it reaches, because it links that in.  Python calls
+ten of a flight's 420 kernels, and the machine code of the others never runs.  Here they end before LLVM optimises them:
 it does so once, in the kernel that Python calls, with all that this reaches.
 """
 
@@ -51,7 +51,7 @@ class InnerCompiler(Compiler):
 
 
 class InnerResults(CompileResultCacheImpl):
-    """What a cache keeps of such kernels."""
+    """The form of such kernels in a cache."""
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return the kernel of a file."""
