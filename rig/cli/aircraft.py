@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 GAINS: Final = "gains.toml"
 REFERENCES: Final = "references.toml"
-aircraft_app = Typer(help="List, show and make aircraft, check them, and design their control laws.", **GROUP)
+aircraft_app = Typer(**GROUP)
 
 Home = Annotated[
     str,

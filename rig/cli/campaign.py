@@ -30,7 +30,7 @@ from rig.cli.fly import show_flight
 from rig.cli.working import working
 from rig.core.outputs import require_apart, require_page
 
-app = Typer(help="Plan, fly, report and compare campaigns of many flights.", **GROUP)
+app = Typer(**GROUP)
 
 File = Annotated[
     str, arg("FILE|NAME", "Campaign file, or name of a bundled campaign.", autocompletion=complete.campaigns)

@@ -18,8 +18,8 @@ from rig.core.text import plain
 if TYPE_CHECKING:
     from rig.world.faults.fault_catalogue import Entry, Parameter
 
-scenario_app = Typer(help="List, show and check scenarios.", **GROUP)
-faults_app = Typer(help="List and show the kinds of faults.", **GROUP)
+scenario_app = Typer(**GROUP)
+faults_app = Typer(**GROUP)
 _CHOSEN_BY: Final = "kind"  # entries of a list that are complete in themselves: faults, manoeuvres
 
 

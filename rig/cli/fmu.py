@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rig.flight.aircraft_fmu.aircraft_archive import Built
 
 _LABEL: Final = 12  # columns
-fmu_app = Typer(help="Build the aircraft, with its sensors and faults, as an FMU for another simulation tool.", **GROUP)
+fmu_app = Typer(**GROUP)
 
 
 @fmu_app.command()

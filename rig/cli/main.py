@@ -10,32 +10,16 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Annotated, Any, Final
 
 import typer
 from typer.core import TyperArgument, TyperOption
 
-from rig.cli.aircraft import aircraft_app
-from rig.cli.benchmark import benchmark
-from rig.cli.campaign import app as campaign_app
-from rig.cli.catalogue import faults_app, scenario_app, signals
-from rig.cli.check import check
+from rig.cli.commands import COMMANDS
 from rig.cli.common import GROUP
-from rig.cli.diagnose import diagnose
-from rig.cli.fly import cost, fly
-from rig.cli.fmu import fmu_app
-from rig.cli.mcp import mcp
-from rig.cli.recordings import thresholds, vote
-from rig.cli.replay import diff, export, info, recover, replay
-from rig.cli.safety import reliability_app
-from rig.cli.score import report, score
-from rig.cli.search import search
-from rig.cli.studies import study
-from rig.cli.unit import unit_app
+from rig.cli.on_demand import group_of
 from rig.cli.usage import refusal
-from rig.cli.view import view, watch
 from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import end_cleanly
 
@@ -43,43 +27,23 @@ EXAMPLE: Final = (
     "Example: rig fly f16_split_2_2_level, then rig score LOG and rig view LOG. All scenarios: rig scenario list."
 )
 VERBOSE: Final = ("--verbose", "-v")
-FLY, LOOK, SCORE = "Fly", "View and report", "Score and replay"
-RECORDED, MANY, REFERENCE = "Recorded data", "Many flights", "Reference"
-_GROUPS: Final = (
-    ("scenario", scenario_app, FLY),
-    ("aircraft", aircraft_app, FLY),
-    ("campaign", campaign_app, MANY),
-    ("faults", faults_app, REFERENCE),
-    ("study", study, MANY),
-    ("unit", unit_app, FLY),
-    ("fmu", fmu_app, FLY),
-    ("reliability", reliability_app, MANY),
-)
-_COMMANDS: Final = {
-    FLY: (fly, mcp),
-    LOOK: (view, report, watch, info),
-    SCORE: (score, replay, diff),
-    RECORDED: (diagnose, vote, thresholds, export, recover),
-    MANY: (check, search, benchmark),
-    REFERENCE: (signals, cost),
-}
 _UsageError: Any = typer.BadParameter.__mro__[1]  # click's own; where click is, differs between versions of typer
 
 for _parameter in (TyperArgument, TyperOption):  # help shows the names that we give to values, no types of Python
     setattr(_parameter, "display_type_rich", lambda self, ctx: self.metavar if isinstance(self, TyperOption) else None)  # noqa: B010
 
 app = typer.Typer(
-    help="Test redundant flight control: fly it in simulation, against injected faults.", epilog=EXAMPLE, **GROUP
+    cls=group_of(COMMANDS),
+    help="Test redundant flight control: fly it in simulation, against injected faults.",
+    epilog=EXAMPLE,
+    **GROUP,
 )
-for name, group, panel in _GROUPS:
-    app.add_typer(group, name=name, rich_help_panel=panel)
-for panel, commands in _COMMANDS.items():
-    for command in commands:
-        app.command(rich_help_panel=panel)(command)
 
 
 def _version(asked: bool) -> None:
     if asked:
+        from importlib.metadata import version
+
         typer.echo(f"jsbsim-rig {version('jsbsim-rig')}")
         raise typer.Exit
 

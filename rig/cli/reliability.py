@@ -31,9 +31,7 @@ _TRIALS: Final = (
     Column("how", lambda cell: "open loop" if cell["open_loop"] else "flights", worth=7),
     Column("time here, one core", lambda cell: None if cell["seconds"] is None else f"{cell['seconds']:.3g} s"),
 )
-reliability_app = Typer(
-    help="Compute the probability of failure per flight hour, from failure rates and flown faults.", **GROUP
-)
+reliability_app = Typer(**GROUP)
 RatesFile = Annotated[Path, opt("FILE", "Failure rates with their sources, TOML.", "--rates")]
 Hours = Annotated[float, opt("H", "Duration of a flight, h.", min=0.001, max=1000.0)]
 SignalName = Annotated[str | None, opt("SIGNAL", "Signal of the rates file. Optional if the file has one.", "--signal")]

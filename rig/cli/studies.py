@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rig.studies.papers.tolerant import Summary
 
 HALF = 0.5
-study = Typer(help="Reproduce published results.", **GROUP)
+study = Typer(**GROUP)
 Seeds = Annotated[int, opt("N", "Number of seeds of each case.", min=1, max=1000)]
 
 

@@ -17,7 +17,7 @@ from rig.core.errors import BadInput
 if TYPE_CHECKING:
     from rig.bench.unit_check import Checked
 
-unit_app = Typer(help="Print the interface records (ICD) of a unit under test, and test a unit against them.", **GROUP)
+unit_app = Typer(**GROUP)
 
 
 @unit_app.command()

@@ -30,13 +30,14 @@ import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
+from rig.core.kernel_library import InnerResults
 from rig.core.kernel_locks import give_back, take
 from rig.core.notes import note
 
 # Modules of which no edit is expected: their version, or that of Python, stands for them.
 _FOREIGN: Final = frozenset({"numpy", "numba", "scipy", "llvmlite", *sys.stdlib_module_names})
 _PLAIN: Final = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice)
-_FORMAT: Final = "2"  # of the files
+_FORMAT: Final = "3"  # of the files
 _DIGEST: Final = 32  # bytes
 REMEDY: Final = "RIG_CACHE_DIR or XDG_CACHE_HOME can name another folder"
 _BY_REPR: Final = ("numba.", "llvmlite.")
@@ -45,10 +46,11 @@ _BY_REPR: Final = ("numba.", "llvmlite.")
 class KernelCache(FunctionCache):
     """The cache of one kernel, for the place of a dispatcher's ``_cache``."""
 
-    def __init__(self, py_func: Callable[..., object], folder: Path, options: str) -> None:
+    def __init__(self, py_func: Callable[..., object], folder: Path, options: str, *, inner: bool) -> None:
         # Not numba's own: that looks for a folder to write beside the source, once for each kernel.
         self._name, self._py_func, self._cache_path = repr(py_func), py_func, str(folder)
-        self._impl = CompileResultCacheImpl.__new__(CompileResultCacheImpl)
+        kind = InnerResults if inner else CompileResultCacheImpl
+        self._impl = kind.__new__(kind)
         self._folder, self._options = folder, options
         self.enable()
 

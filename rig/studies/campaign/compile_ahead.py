@@ -8,6 +8,7 @@ could not.
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -129,6 +130,7 @@ def run_child() -> None:
         def on_end(self, event: Any) -> None:
             os.write(writing, f"{_name(event.data['dispatcher'].py_func)}\n".encode())
 
+    gc.set_threshold(500_000, 10, 10)  # what numba keeps of each kernel stays: a twentieth of the time went in search
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with event.install_listener("numba:compile", Teller()):
         _PART[part]()

@@ -1,0 +1,92 @@
+"""Kernels that only kernels call: kept as LLVM's intermediate code, of which the kernel that Python calls is compiled.
+
+numba optimises and translates every function with everything that it reaches, because it links that in.  Python calls
+ten of a flight's 420 kernels, and the machine code of the others never runs.  Here they end before LLVM optimises them:
+it does so once, in the kernel that Python calls, with all that this reaches.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import binding
+from numba.core.caching import CompileResultCacheImpl
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
+
+
+class InnerLibrary(JITCodeLibrary):
+    """The code of one kernel that no one but another kernel calls."""
+
+    @property
+    def codegen(self) -> Any:
+        """Return what makes code; there is no machine code in which it could set an address."""
+        return _WithoutMachineCode(self._codegen)
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: it has no address."""
+        return 0
+
+    def serialize_using_object_code(self) -> Any:
+        """Return what a cache keeps, without machine code."""
+        return self.name, "bitcode", self._get_module_for_linking().as_bitcode()
+
+    def _optimize_final_module(self) -> None:
+        """Do nothing: LLVM optimises the kernel that Python calls, with this one in it."""
+
+    def _finalize_final_module(self) -> None:
+        """Declare it ready to be linked."""
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+class InnerCompiler(Compiler):
+    """numba's compiler, up to LLVM's code; for ``pipeline_class`` of numba.njit."""
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a Python function."""
+        self.state.library = InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
+
+
+class InnerResults(CompileResultCacheImpl):
+    """The form of such kernels in a cache."""
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the kernel of a file."""
+        made = CompileResult._rebuild(_Loading(target_context), *payload)
+        return made._replace(target_context=target_context)
+
+
+class _WithoutMachineCode:
+    def __init__(self, codegen: Any) -> None:
+        self._codegen = codegen
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._codegen, name)
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing: numba keeps the environment's address in the machine code."""
+
+    def unserialize_library(self, state: tuple[str, str, bytes]) -> InnerLibrary:
+        """Return the library that a cache has kept."""
+        name, _, bitcode = state
+        library = InnerLibrary(self._codegen, name)
+        library._final_module = binding.parse_bitcode(bitcode)
+        library._finalize_final_module()
+        return library
+
+
+class _Loading:
+    """A target as CompileResult asks it for the parts of a kept kernel."""
+
+    def __init__(self, target: Any) -> None:
+        self._target = target
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._target, name)
+
+    def codegen(self) -> _WithoutMachineCode:
+        """Return what loads a library."""
+        return _WithoutMachineCode(self._target.codegen())

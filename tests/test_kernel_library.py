@@ -1,0 +1,57 @@
+"""Kernels that only kernels call: no machine code of their own, the same values in the kernel that Python calls."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core import config
+
+from rig.core.kernel_library import InnerLibrary
+from rig.core.kernels import compile_inner, kernel
+
+jit: Any = config
+pytestmark = pytest.mark.skipif(bool(jit.DISABLE_JIT), reason="kernels are interpreted")
+
+
+@kernel
+def rate(x, gain):
+    return math.sin(x) * gain
+
+
+@kernel
+def summed(values, gain):
+    total = 0.0
+    for k in range(len(values)):
+        total += rate(values[k], gain)
+    return total
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    """Kernels are compiled here, and kept nowhere else."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+
+def compiled(function: Any, form: str) -> Any:
+    (made,) = getattr(function, form).overloads.values()
+    return made
+
+
+def test_a_kernel_that_python_calls_has_machine_code_and_those_that_it_calls_have_none():
+    values = np.linspace(-3.0, 3.0, 101)
+    expected = 0.0
+    for x in values:
+        expected += math.sin(x) * 0.7
+    assert summed(values, 0.7) == expected
+    made = compiled(rate, "inner")
+    inner, outer = made.library, compiled(summed, "outer").library
+    assert isinstance(inner, InnerLibrary) and not isinstance(outer, InnerLibrary)
+    assert inner.get_pointer_to_function(made.fndesc.llvm_func_name) == 0
+    assert made.fndesc.llvm_func_name in {function.name for function in inner.get_defined_functions()}
+
+
+def test_what_a_cache_keeps_of_it_is_code_that_llvm_reads_and_no_machine_code():
+    compile_inner(rate, 1.0, 2.0)
+    name, kind, code = compiled(rate, "inner").library.serialize_using_object_code()
+    assert (name, kind) == ("rate", "bitcode") and code.startswith(b"BC\xc0\xde")
