@@ -51,7 +51,7 @@ def stay_alike(shared, lanes):
 
 @inlined
 def part(lanes):
-    """Give each lane that is alike a state of its own."""
+    """Give each lane that is alike a copy of the state."""
     first = first_alike(lanes)
     for i in range(lanes.fitted):
         if follows(i, lanes):
