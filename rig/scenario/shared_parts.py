@@ -25,7 +25,7 @@ _kept: dict[tuple[Any, ...], tuple[list[Any], Any]] = {}
 def build_shared(below: dict[str, Any], data: dict[str, Any], source: str) -> Scenario:
     """Return the scenario of ``data`` over the tables ``below``; parts that an earlier one had from both are the same.
 
-    below : of an aircraft, the same objects for all runs, which nobody changes
+    below : of an aircraft, the same objects for all runs, and never changed
     BadInput names ``source`` and the first wrong key.
     """
     merged = aircraft.merge(below, data)
