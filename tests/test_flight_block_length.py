@@ -28,7 +28,7 @@ def flight(rate_hz: float = 100.0, seconds: float = 60.0) -> Scenario:
 @pytest.mark.parametrize(
     ("use", "rate_hz", "frames"),
     [
-        *(("paced", 100.0, 50), ("watched", 100.0, 100), ("alone", 100.0, ALONE_FRAMES), ("memory", 100.0, 500)),
+        *(("paced", 100.0, 50), ("watched", 100.0, 100), ("alone", 100.0, ALONE_FRAMES), ("memory", 100.0, 1000)),
         *(("alone", 50.0, 200), ("alone", 200.0, ALONE_FRAMES), ("alone", 1000.0, 1000), ("paced", 10.0, 5)),
     ],
 )

@@ -14,7 +14,7 @@ from rig.scenario.scenario import Scenario
 # paced by the clock; watched block by block, or by a unit; alone: as fast as can be, and read when it is over;
 # memory: nothing is recorded, so nothing is lost
 Use = Literal["paced", "watched", "alone", "memory"]
-SECONDS: Final[dict[Use, float]] = {"paced": 0.5, "watched": 1.0, "alone": 4.0, "memory": 5.0}
+SECONDS: Final[dict[Use, float]] = {"paced": 0.5, "watched": 1.0, "alone": 4.0, "memory": 10.0}
 ALONE_FRAMES: Final = 400  # more fall out of a core's own cache: 800 kB, 15 ms of work
 
 

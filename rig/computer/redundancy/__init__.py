@@ -20,6 +20,7 @@ from rig.computer.redundancy.managers import DEFAULT, MANAGERS, Manager, manager
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.computer.redundancy.state import ManagerData
 from rig.core.frame import CHANNELS, INDEX, SIGNALS, D
+from rig.core.kept import kept
 from rig.core.kernels import kernel
 from rig.core.settings import in_frames
 from rig.core.trust import Trust
@@ -96,6 +97,19 @@ def flight_parameters(
 
     ranges (S, 2), channels (S,), sheets : of the sensors; computers : fitted; one has no other's health to ask
     """
+    return _parameters(config, ranges, channels, designed, rate_hz, computers, sheets).copy()
+
+
+@kept
+def _parameters(
+    config: Config,
+    ranges: NDArray[np.float64],
+    channels: NDArray[np.int64],
+    designed: Designed,
+    rate_hz: float,
+    computers: int,
+    sheets: Sequence[DataSheet],
+) -> NDArray[np.void]:
     params = parameters(config.signals, ranges, channels, rate_hz, sheets)
     measured_thresholds(params, config, designed)
     if computers == 1:

@@ -18,6 +18,7 @@ from rig.core.versions import versions
 from rig.scenario import aircraft
 from rig.scenario.overrides import named_manager, parse_set, set_key
 from rig.scenario.scenario import Scenario
+from rig.scenario.shared_parts import build_shared
 from rig.studies.campaign.campaign_file import Campaign, Levels, find, read
 from rig.studies.campaign.manager_source import sources, try_import
 from rig.studies.campaign.sampling import Choice, choices, seed_of
@@ -52,7 +53,7 @@ class Run:
     def scenario(self, tables: dict[str, Any] | None = None) -> Scenario:
         """Build the scenario of the flight; ``tables``: the aircraft's, if they have been read already."""
         below = aircraft.tables(self.aircraft) if tables is None else tables
-        return build(Scenario, aircraft.merge(below, self.data), f"run {self.number}").trusted(self.trust)
+        return build_shared(below, self.data, f"run {self.number}").trusted(self.trust)
 
 
 class Plan:

@@ -13,6 +13,8 @@ from typing import Final
 
 import jsbsim
 
+from rig.core.kept import kept
+from rig.core.settings import Settings
 from rig.world.plant import wind
 from rig.world.plant.airframe import Config, FlightPoint
 from rig.world.plant.level import turns_propellers
@@ -30,7 +32,12 @@ _alike: dict[Key, bool] = {}  # whether a model that begins again equals a fresh
 
 def key(airframe: Config, point: FlightPoint, dt_s: float, wind_m_s: wind.Velocity, servos: bool) -> Key:
     """Return what two flights must have in common to share a model."""
-    return airframe.model_dump_json(), point.model_dump_json(), dt_s, wind_m_s, servos
+    return _text(airframe), _text(point), dt_s, wind_m_s, servos
+
+
+@kept
+def _text(settings: Settings) -> str:
+    return settings.model_dump_json()
 
 
 def trimmed(

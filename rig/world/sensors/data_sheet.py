@@ -15,6 +15,7 @@ from pydantic import Field, create_model, model_serializer, model_validator
 from pydantic_core.core_schema import SerializerFunctionWrapHandler
 
 from rig.core.frame import CHANNELS, DISCRETES, INDEX, SIGNALS, Signal
+from rig.core.kept import kept
 from rig.core.settings import Settings
 
 # Three sensors at right angles in one box: each sees a little of what the others measure.
@@ -150,11 +151,13 @@ Suite = create_model(
 )
 
 
+@kept
 def ranges(suite: Settings) -> NDArray[np.float64]:
     """Return (S, 2) lowest and highest sample of each signal."""
     return np.array([getattr(suite, signal.name).limits(signal) for signal in SIGNALS])
 
 
+@kept
 def noise_std(suite: Settings, rate_hz: float) -> NDArray[np.float64]:
     """Return (S,) standard deviation of the white noise of a sample, unit of the signal."""
     return np.array([getattr(suite, signal.name).sample_noise_std(rate_hz) for signal in SIGNALS])
@@ -169,20 +172,23 @@ class DataSheet(NamedTuple):
     skew_frames: float
 
 
-def data_sheets(suite: Settings, rate_hz: float, apart_frames: float = 0.0) -> list[DataSheet]:
+@kept
+def data_sheets(suite: Settings, rate_hz: float, apart_frames: float = 0.0) -> tuple[DataSheet, ...]:
     """Return the figures of each signal's sensor; apart_frames : by which its channels are read at other times."""
     sensors = [getattr(suite, signal.name) for signal in SIGNALS]
-    return [
+    return tuple(
         DataSheet(of.sample_noise_std(rate_hz), of.bias_tolerance, of.scale_tolerance, of.skew_frames + apart_frames)
         for of in sensors
-    ]
+    )
 
 
+@kept
 def channels(suite: Settings) -> NDArray[np.int64]:
     """Return (S,) number of channels of each signal."""
     return np.array([getattr(suite, signal.name).channels for signal in SIGNALS])
 
 
+@kept
 def discrete_channels(suite: Settings) -> NDArray[np.int64]:
     """Return (D,) number of channels of each discrete."""
     return np.array([getattr(suite, discrete.name).channels for discrete in DISCRETES])

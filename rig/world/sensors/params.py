@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from math import cos, exp, floor, pi, sin, sqrt
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from rig.core.frame import CHANNELS, SIGNALS, S, sig
+from rig.core.kept import kept
 from rig.core.settings import Settings
 from rig.world.sensors.data_sheet import ACCELEROMETERS, GYROS, Sensor
 
@@ -44,12 +45,21 @@ PARAMS: Final = np.dtype(
 
 def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> NDArray[np.void]:
     """Return the (S,) PARAMS records; every channel's errors are drawn whether it is fitted or not."""
-    rng = np.random.default_rng(seeds["calibration"])
+    params = _of_all_seeds(suite, rate_hz).copy()
+    draws = np.random.default_rng(seeds["calibration"]).uniform(-1.0, 1.0, (S, 3, CHANNELS))
+    calibrate(params, _tolerances(suite), draws.swapaxes(0, 1))
+    _cross_axis(
+        params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"])
+    )
+    return params
+
+
+@kept
+def _of_all_seeds(suite: Settings, rate_hz: float) -> NDArray[np.void]:
+    """Return the (S,) PARAMS records without what is drawn."""
     params = np.zeros(S, PARAMS)
     for signal, row in zip(SIGNALS, params, strict=True):
         sensor = getattr(suite, signal.name)
-        draw = rng.uniform(-1.0, 1.0, (3, CHANNELS))
-        calibrate(row, sensor, draw)
         row["noise_std"] = sensor.sample_noise_std(rate_hz)
         row["blend"] = 1.0 if sensor.lag_s == 0 else 1.0 - exp(-1.0 / (rate_hz * sensor.lag_s))
         row["quantum"] = sensor.quantum
@@ -57,13 +67,24 @@ def fixed(suite: Settings, rate_hz: float, seeds: dict[str, SeedSequence]) -> ND
         row["alarms"] = sensor.monitor is not None and sensor.monitor.false_alarm_per_hour > 0
         row["wraps"], row["channels"] = signal.wraps, sensor.channels
         _dynamics(row, sensor, rate_hz)
-    _cross_axis(
-        params, suite, np.random.default_rng(seeds["misalignment"]), np.random.default_rng(seeds["g_sensitivity"])
-    )
     return params
 
 
-def calibrate(rows: Any, sensor: Sensor, draw: NDArray[np.float64]) -> None:
+class Tolerances(NamedTuple):
+    """The tolerances by which channels differ, (S, 1) each; as a Sensor has them of one signal."""
+
+    bias_tolerance: NDArray[np.float64]
+    scale_tolerance: NDArray[np.float64]
+    skew_frames: NDArray[np.float64]
+
+
+@kept
+def _tolerances(suite: Settings) -> Tolerances:
+    sensors = [getattr(suite, signal.name) for signal in SIGNALS]
+    return Tolerances(*(np.array([[float(getattr(of, name))] for of in sensors]) for name in Tolerances._fields))
+
+
+def calibrate(rows: Any, sensor: Sensor | Tolerances, draw: NDArray[np.float64]) -> None:
     """Write what differs from channel to channel; draw (3, ..., 4) within -1 to 1, for PARAMS of shape (...)."""
     rows["bias"] = sensor.bias_tolerance * draw[0]
     rows["gain"] = 1.0 + sensor.scale_tolerance * draw[1]
