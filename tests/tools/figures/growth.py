@@ -80,9 +80,18 @@ def counts() -> list[int]:
     return sorted({*(2**k for k in range(cores.bit_length()) if 2**k <= cores), cores})
 
 
+def busy() -> str:
+    """Return a sentence on the other work of the machine, which decides what workers gain."""
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    said = "other work had the machine too, so these figures are no limits" if load > 0.5 else "the machine was quiet"
+    return f"Load average before: {load:.1f} on {cores} cores; {said}."
+
+
 def growth_workers(runs: str = "400", rounds: str = "3") -> None:
     """Print flights a second, of 8 s each, by workers; the largest rate of some rounds in turn."""
+    load = busy()
     table(("workers", "flights/s", "efficiency", "tables"), _by_workers(int(runs), int(rounds)))
+    print(f"\n{load}")
 
 
 def _by_workers(runs: int, rounds: int) -> Iterator[list[str]]:
