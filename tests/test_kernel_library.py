@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from rig.core.kernel_library import InnerLibrary
+from rig.core.kernel_library import InnerCompiler, InnerLibrary, inner_compiler
 from rig.core.kernels import compile_inner, kernel
 
 jit: Any = config
 pytestmark = pytest.mark.skipif(bool(jit.DISABLE_JIT), reason="kernels are interpreted")
+with_insides = pytest.mark.skipif(inner_compiler() is not InnerCompiler, reason="not tested with this numba")
 
 
 @kernel
@@ -38,6 +39,7 @@ def compiled(function: Any, form: str) -> Any:
     return made
 
 
+@with_insides
 def test_a_kernel_that_python_calls_has_machine_code_and_those_that_it_calls_have_none():
     values = np.linspace(-3.0, 3.0, 101)
     expected = 0.0
@@ -51,7 +53,18 @@ def test_a_kernel_that_python_calls_has_machine_code_and_those_that_it_calls_hav
     assert made.fndesc.llvm_func_name in {function.name for function in inner.get_defined_functions()}
 
 
+@with_insides
 def test_what_a_cache_keeps_of_it_is_code_that_llvm_reads_and_no_machine_code():
     compile_inner(rate, 1.0, 2.0)
     name, kind, code = compiled(rate, "inner").library.serialize_using_object_code()
     assert (name, kind) == ("rate", "bitcode") and code.startswith(b"BC\xc0\xde")
+
+
+def test_with_another_numba_every_kernel_is_compiled_like_all(monkeypatch: pytest.MonkeyPatch):
+    @kernel
+    def doubled(x):
+        return 2.0 * x
+
+    monkeypatch.setattr("rig.core.kernel_library.TESTED", frozenset())
+    compile_inner(doubled, 1.0)
+    assert not isinstance(compiled(doubled, "inner").library, InnerLibrary)

@@ -2,17 +2,21 @@
 
 numba optimises and translates every function with everything that it reaches, because it links that in.  Python calls
 ten of a flight's 420 kernels, and the machine code of the others never runs.  Here they end before LLVM optimises them:
-it does so once, in the kernel that Python calls, with all that this reaches.
+it does so once, in the kernel that Python calls, with all that this reaches.  It needs insides of numba, and so is used
+with the versions that it was tested with; with others such kernels are compiled like all.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
+import numba
 from llvmlite import binding
 from numba.core.caching import CompileResultCacheImpl
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
+
+TESTED: Final = frozenset({(0, 68)})  # versions of numba
 
 
 class InnerLibrary(JITCodeLibrary):
@@ -48,6 +52,11 @@ class InnerCompiler(Compiler):
         """Compile a Python function."""
         self.state.library = InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
+
+
+def inner_compiler() -> type[Compiler]:
+    """Return the compiler of kernels that only kernels call."""
+    return InnerCompiler if numba.version_info.short in TESTED else Compiler
 
 
 class InnerResults(CompileResultCacheImpl):

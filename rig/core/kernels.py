@@ -19,7 +19,7 @@ from numba.core.types import BaseTuple, NamedTuple
 
 from rig.core.errors import RigError
 from rig.core.kernel_cache import REMEDY, KernelCache
-from rig.core.kernel_library import InnerCompiler
+from rig.core.kernel_library import InnerCompiler, inner_compiler
 from rig.core.kernel_locks import give_all_back
 
 _config: Any = config
@@ -64,7 +64,7 @@ class Kernel:
     @cached_property
     def inner(self) -> Any:
         """Dispatcher of the form that kernels call; Python must not call it."""
-        return _dispatcher(self.py_func, InnerCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+        return _dispatcher(self.py_func, inner_compiler(), no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
     @cached_property
     def outer(self) -> Any:

@@ -68,6 +68,7 @@ FIGURES: Final = {  # name: its module
     **dict.fromkeys(("unit_identity", "unit_cost", "unit_stopped", "unit_paced"), "unit"),
     **{name: name for name in ("references", "tie_break", "throughput", "tolerant", "unit_failures", "quad_baselines")},
     "slow_drifts": "slow_drifts",
+    **dict.fromkeys(("growth_workers", "growth_trials", "growth_size"), "growth"),
 }
 
 
@@ -135,6 +136,14 @@ PAGES: Final = {
             Section("A frame", ["rig cost"] * 8, "^ratio"),
             Section("A campaign", [f"{SHOW} throughput"]),
             Section("A unit under test", [UNITS_BUILT, f"{SHOW} unit_cost {UNITS}/build"]),
+        ],
+    ),
+    "growth": Page(
+        "How the many grow: workers, trials, searches, large campaigns",
+        [
+            Section("Flights of 8 s by workers, no log kept", [f"{SHOW} growth_workers"]),
+            Section("Open-loop trials and searches, the start of the command included", [f"{SHOW} growth_trials"]),
+            Section("Campaigns of very short flights (0.2 s)", [f"{SHOW} growth_size"]),
         ],
     ),
     "evidence": Page(
