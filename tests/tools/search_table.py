@@ -6,7 +6,7 @@
 A space: two drifts and an offset of one sign on three channels of one signal, each 0.4 to 10 thresholds (drifts: a
 twentieth to five thresholds a second) from 3 to 6 s, in a flight of 14 s in light turbulence with the default manager.
 The requirement bounds the error of the vote.  Its bound is the one that 2 % of 500 random flights (or trials) pass.
-With more arms the others hold the same faults at a twentieth of the sizes, so that one alone can violate.
+With more arms the others hold the same faults at a fiftieth of the sizes, so that one alone can violate.
 
 apart: violations that are 0.5 of the unit cube apart, the median.  clusters: as a search tells them, the median.
 cpu: seconds of the process, flights included: of the whole search, until the first violation, and until five clusters,
@@ -53,7 +53,7 @@ RANDOM: Final = 500
 SHARE: Final = 0.02
 FIVE: Final = 5  # clusters that a search confirms
 _RANDOM_SEED: Final = 1000
-_HARMLESS: Final = 0.05
+_HARMLESS: Final = 0.02
 
 
 class Job(NamedTuple):
