@@ -444,7 +444,7 @@ class SlowKeptAtALevel(Other):
 
 
 class _NotAlone(SlowTests):
-    def alone(self, calm: int, n: int) -> bool:
+    def alone(self, calm: int, n: int, beyond_the_sheet: bool) -> bool:
         return True
 
 
