@@ -448,6 +448,19 @@ class _NotAlone(SlowTests):
         return True
 
 
+class _ReferenceKept(SlowTests):
+    def begin(self, n: int) -> None:
+        known = self.reference_k if self.level else 0
+        super().begin(n)
+        self.reference_k = known
+
+
+class ReferenceKeptAtALevel(Other):
+    """The bias of the reference is kept where a channel leaves."""
+
+    tests = _ReferenceKept
+
+
 class IsolatedBesideOthers(Other):
     """A channel is isolated whatever the shares of the others are."""
 
