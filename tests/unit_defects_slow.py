@@ -38,6 +38,11 @@ OF_MEANS = [
 ]
 OF_HALVES = [
     Defect(
+        "the reference's bias of the level before",
+        "t->shaken = 0.0;\n    t->reference_learned = 0;",
+        "t->shaken = 0.0;",
+    ),
+    Defect(
         "a burst counts in the mean square of halves in full",
         "(smaller(d * d, steps.square) - h->energy[w]) * gain",
         "((d * d) - h->energy[w]) * gain",

@@ -444,8 +444,21 @@ class SlowKeptAtALevel(Other):
 
 
 class _NotAlone(SlowTests):
-    def alone(self, calm: int, n: int) -> bool:
+    def alone(self, calm: int, n: int, beyond_the_sheet: bool) -> bool:
         return True
+
+
+class _ReferenceKept(SlowTests):
+    def begin(self, n: int) -> None:
+        known = self.reference_k if self.level else 0
+        super().begin(n)
+        self.reference_k = known
+
+
+class ReferenceKeptAtALevel(Other):
+    """The bias of the reference is kept where a channel leaves."""
+
+    tests = _ReferenceKept
 
 
 class IsolatedBesideOthers(Other):
