@@ -11,6 +11,7 @@ from typing import Final
 from hostile_cases.case import Case
 from hostile_cases.child import UNEXPECTED, snapshot
 from hostile_cases.values import MARK
+from rig.cli.working import COMPILING
 
 CATEGORIES: Final = ("traceback", "hang", "answer", "files", "memory", "control", "code", "vote", "other")
 LONGEST_LINE: Final = 600
@@ -66,7 +67,7 @@ def _ended(code: int, out: str, err: str) -> dict[str, str]:
     elif code == 0 and "Warning:" in err:
         found["other"] = f"a warning of a library: {_last(err)}"
     if code and not _TRACEBACK.search(err):
-        lines = err.strip().split("\n")
+        lines = [line for line in err.strip().split("\n") if line != COMPILING] or [""]
         if len(lines) > 1:
             found["answer"] = f"{len(lines)} lines: {' | '.join(lines)[:160]}"
         elif len(lines[0]) > LONGEST_LINE:
