@@ -34,7 +34,8 @@ METHODS: Final = ("regions", "random")
 HEAD: Final = """# Falsification benchmarks
 
 This page shows how many simulations the [search over a plant](../how-to/search-any-plant.md) takes until a requirement
-of the automatic transmission of the ARCH-COMP falsification category is violated. Beside it: uniform random inputs.
+of the automatic transmission and of the F-16 of the ARCH-COMP falsification category is violated. Beside it: uniform
+random inputs.
 
 Sources: B. Hoxha, H. Abbas, G. Fainekos, *Benchmarks for temporal logic requirements for automotive systems*, ARCH 2014
 (model, requirements); G. Ernst and others, *ARCH-COMP 2020 category report: Falsification*, EPiC Series in Computing,
@@ -49,6 +50,35 @@ volume 74, 2020, pp. 140-152 (rules). We wrote the model from its published equa
   core.
 """
 TAIL: Final = """
+## F16
+
+The F-16 with ground collision avoidance dives; its autopilot levels the wings and pulls. `always[0, 15] altitude > 0`
+is searched over the initial roll, pitch and yaw angles. The code is not part of the rig:
+[what is needed](../how-to/search-any-plant.md#a-plant-whose-code-is-elsewhere).
+
+Sources: P. Heidlauf, A. Collins, M. Bolender, S. Bak, *Verification challenges in F-16 ground collision avoidance and
+other automated maneuvers*, ARCH 2018 (model; Python code: github.com/stanleybak/AeroBenchVVPython); the benchmark files
+of the category, `models/F16/README.txt`, as in github.com/MoonLightSuite/arch-comp-benchmarks (ranges, requirement).
+
+The public set-ups differ in the initial altitude: 2338 ft in these files, 2330 ft in the example of the tool
+Psy-TaLiRo, 4040 ft in older ones. We ran commit afa9f0a (29 October 2020) with its Morelli model, the gains `old` and
+its step of 1/30 s, from the mode `roll`. Three seeds, 0 to 2, at most 300 simulations; each cell lists the number of
+the first simulation that violates, by seed:
+
+| initial altitude | falsified | first violation | random: falsified | first violation |
+|---|---|---|---|---|
+| 2330 ft | 3 of 3 | 49, 33, 33 | 2 of 3 | none, 62, 63 |
+| 2338 ft | 3 of 3 | 74, 32, 43 | 0 of 3 | - |
+
+- The search with seed 0 from 2330 ft took 45 s with one worker. 116 of its 300 simulations violate; the lowest altitude
+  is -8.5 ft. All 116 have a roll angle of 0.866 rad or more and a pitch angle in the lowest 1 % of its range. At the
+  corners of the ranges, the yaw angle makes no difference.
+- **The violations depend on the step.** The autopilot changes its mode only at the steps, and one step later the
+  aircraft is about 20 ft lower. With a step of 1/300 s, five flights from 2330 ft at the lowest pitch angle and roll
+  angles of 0.85 to 0.89 rad stay above the ground by 0.2 ft or more.
+- From 4040 ft, the aircraft stays above 1700 ft at the corners of the ranges.
+- Three seeds are few, and this is the Python code: the category simulates the Simulink model.
+
 ## What it shows
 
 - `AT2` and `AT6a` to `AT6c` have a slope, and the search follows it.

@@ -49,6 +49,7 @@ EXCEPTIONS: Final = {
     "make fly": "`rig fly`, after the setup",
     "make test": "the test suite itself",
     "OPTIONS=": "builds the firmware, tests/tools/outside.py",
+    "PYTHONPATH=AeroBenchVVPython/code rig search": "needs code of others, tests/test_search_plant_examples.py",
     "rig aircraft check": "needs what `rig aircraft new` made, or linearises for 20 s; tests/test_design_margins.py",
     "rig aircraft new": "minutes of design, tests/test_design_own_aircraft.py",
     "rig campaign run fmea": "1344 flights, tests/test_safety_fmea.py",
