@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rig.core import kernel_cache
 from rig.core.kept import kept
 
 
@@ -64,3 +65,18 @@ def test_an_array_that_is_shared_cannot_be_written():
 
     with pytest.raises(ValueError, match="read-only"):
         of(3)[0] = 1.0
+
+
+def test_what_is_kept_has_no_part_in_the_key_of_a_kernel_that_reaches_the_function():
+    @kept
+    def doubled(value: object) -> list[object]:
+        return [value, value]
+
+    def names() -> object:
+        return doubled
+
+    keys = [kernel_cache.reach.__wrapped__(names)]
+    doubled(object())
+    kernel_cache._own_parts.cache_clear()
+    keys.append(kernel_cache.reach.__wrapped__(names))
+    assert keys[0] == keys[1]
