@@ -53,10 +53,11 @@ class SlowTests:
         self.bias = dict.fromkeys(range(4), 0.0)
         self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
         self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
+        self.vote, self.reference_vote = Mean(), 0.0
 
     def begin(self, n: int) -> None:
         """Another number of channels."""
-        self.level, self.run, self.shaken, self.reference_k = n, 0, 0.0, 0
+        self.level, self.run, self.shaken = n, 0, 0.0
         self.fast, self.slow = ({c: Mean() for c in range(4)} for _ in range(2))
         self.squares, self.whole = ({c: Mean(self.noise.value) for c in range(4)} for _ in range(2))
         twice = 2.0 if n == 2 else 1.0
@@ -84,6 +85,7 @@ class SlowTests:
         m = median(y.values())
         if not self.k:
             self.usual.value = self.last = m
+        self.vote.move(cut(self.s.change(median(view.use.values()), m), self.s.within(n)), 100)
         if n != self.level:
             self.begin(n)
         if self.weights >= self.next_limits:
@@ -153,7 +155,8 @@ class SlowTests:
     @property
     def error(self) -> float:
         """The healthy error of the reference."""
-        return self.s.slow_reference + self.s.slow_reference_frames * self.v
+        moved = abs(self.vote.value - self.reference_vote)
+        return self.s.slow_reference + self.s.slow_reference_frames * self.v + moved
 
     def halves(self, y: dict[int, float], rho: float | None, a: float) -> tuple[float, int, bool]:
         """Share of the way with the largest mean square, that way, and whether it is suspected."""
@@ -225,6 +228,7 @@ class SlowTests:
             self.bias[c] = cut(self.bias[c] + share * cut(x - m, most), bound)
         self.k += 1
         if rho is not None:
-            moved = self.reference_bias + rho / min(self.reference_k + 1, 1000)
-            self.reference_bias = cut(moved, self.s.reference_threshold)
+            gain = 1.0 / min(self.reference_k + 1, 1000)
+            self.reference_bias = cut(self.reference_bias + gain * rho, self.s.reference_threshold)
+            self.reference_vote += gain * (self.vote.value - self.reference_vote)
             self.reference_k += 1

@@ -296,8 +296,8 @@ SLOW_TESTS = [
     Defect("a reference too good to decide is asked", "!((size * (steep + 0.5)) >= near)", "!(size >= 0.0)"),
     Defect(
         "the reference's bias not learned",
-        "t->reference_bias = clamp(t->reference_bias + off,",
-        "t->reference_bias = clamp(0.0 * off,",
+        "const double bias = t->reference_bias + (share * t->reference_off);",
+        "const double bias = 0.0 * share;",
     ),
     Defect("a reference asked before it is known", "#define REFERENCE_FROM 300 ", "#define REFERENCE_FROM 100 "),
 ]

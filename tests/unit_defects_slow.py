@@ -38,9 +38,9 @@ OF_MEANS = [
 ]
 OF_HALVES = [
     Defect(
-        "the reference's bias of the level before",
-        "t->shaken = 0.0;\n    t->reference_learned = 0;",
-        "t->shaken = 0.0;",
+        "the reference's bias is known as well after a change of level",
+        "(t->set->slow_reference_frames * t->motion)) + moved",
+        "(t->set->slow_reference_frames * t->motion)) + (0.0 * moved)",
     ),
     Defect(
         "a burst counts in the mean square of halves in full",

@@ -448,17 +448,16 @@ class _NotAlone(SlowTests):
         return True
 
 
-class _ReferenceKept(SlowTests):
-    def begin(self, n: int) -> None:
-        known = self.reference_k if self.level else 0
-        super().begin(n)
-        self.reference_k = known
+class _AsKnown(SlowTests):
+    @property
+    def error(self) -> float:
+        return self.s.slow_reference + self.s.slow_reference_frames * self.v
 
 
-class ReferenceKeptAtALevel(Other):
-    """The bias of the reference is kept where a channel leaves."""
+class ReferenceAsKnownAtALevel(Other):
+    """The bias of the reference is known as well after a change of level as before."""
 
-    tests = _ReferenceKept
+    tests = _AsKnown
 
 
 class IsolatedBesideOthers(Other):

@@ -339,7 +339,7 @@ TESTED: list[tuple[str, list[Wanted]]] = [
                 )
             ),
             *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.HalvesByAnySlope),
-            *otherwise(vector_rules.ReferenceAskedEarly, vector_rules.ReferenceKeptAtALevel),
+            *otherwise(vector_rules.ReferenceAskedEarly, vector_rules.ReferenceAsKnownAtALevel),
         ],
     ),
     (

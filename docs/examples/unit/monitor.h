@@ -93,6 +93,8 @@ struct slow_tests {
     double last_middle;
     double rate;                 /* mean change of the middle a frame, */
     double motion;               /* and the largest one of the last second */
+    double vote_off;             /* mean of what the biases move the vote, */
+    double reference_vote;       /* and that over the frames of which the next is */
     double reference_bias;
     int64_t reference_learned;   /* frames */
     double reference_off;        /* of this frame, without its bias; NaN: none */

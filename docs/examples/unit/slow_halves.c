@@ -33,10 +33,12 @@ static int no_half(struct slow_tests *t)
     return NO_WAY;
 }
 
-/* The largest error of a healthy reference without its bias, at the present motion. */
+/* The largest error of a healthy reference without its bias, at the present motion.  A reference that remembers the vote follows
+ * when a change of level moves it: its bias is known no better than that. */
 static double reference_error(const struct slow_tests *t)
 {
-    return t->set->slow_reference + (t->set->slow_reference_frames * t->motion);
+    const double moved = fabs(t->vote_off - t->reference_vote);
+    return (t->set->slow_reference + (t->set->slow_reference_frames * t->motion)) + moved;
 }
 
 /* Write D of each way; how many there are.  The first half has the channel with the smallest number. */

@@ -34,6 +34,8 @@ static void forget(struct slow_tests *t)
     t->reference_learned = 0;
     t->noise = 0.0;
     t->reference_bias = 0.0;
+    t->vote_off = 0.0;
+    t->reference_vote = 0.0;
     t->rate = 0.0;
     t->motion = 0.0;
     t->halves.noise = 0.0;
@@ -68,13 +70,19 @@ double tests_middle(const struct frame *f, struct slow_tests *t)
     return mean(t->value[t->order[(f->n - 1) / 2]], t->value[t->order[f->n / 2]], 0.5);
 }
 
-/* Another number of channels has another middle: all means begin again, biases stay.  But that of the reference is learned
- * again: a reference that keeps what the vote was follows the vote's step. */
+/* Move the mean of what the biases move the vote, off the middle without them. */
+static void follow_vote(double m, const struct frame *f, params *p, struct slow_tests *t)
+{
+    const double voted = mean(f->x[f->order[(f->n - 1) / 2]], f->x[f->order[f->n / 2]], 0.5);
+    const double off = clamp(difference(voted, m, p), -f->threshold, f->threshold);
+    t->vote_off += (off - t->vote_off) * (1.0 / TESTS_SLOW);
+}
+
+/* Another number of channels has another middle: all means begin again, biases stay. */
 static void begin_again(int n, struct slow_tests *t)
 {
     t->level = n;
     t->shaken = 0.0;
-    t->reference_learned = 0;
     for (int c = 0; c < RIG_CHANNELS; c++) {
         t->fast[c] = 0.0;
         t->slow[c] = 0.0;
@@ -203,8 +211,10 @@ static void learn(double m, double moved, double step, const struct frame *f, st
     }
     t->learned++;
     if (isfinite(t->reference_off)) {
-        const double off = t->reference_off / smaller((double)t->reference_learned + 1.0, TESTS_LEARNING);
-        t->reference_bias = clamp(t->reference_bias + off, -f->reference_threshold, f->reference_threshold);
+        const double share = 1.0 / smaller((double)t->reference_learned + 1.0, TESTS_LEARNING);
+        const double bias = t->reference_bias + (share * t->reference_off);
+        t->reference_bias = clamp(bias, -f->reference_threshold, f->reference_threshold);
+        t->reference_vote += share * (t->vote_off - t->reference_vote);
         t->reference_learned++;
     }
 }
@@ -226,6 +236,7 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
         t->usual_middle = m;
         t->last_middle = m;
     }
+    follow_vote(m, f, p, t);
     if (t->level != f->n) {
         begin_again(f->n, t);
     }

@@ -66,8 +66,12 @@ def no_half(t):
 
 @kernel
 def reference_error(p, t):
-    """Return the largest error of a healthy reference without its bias, at the present motion."""
-    return p["slow_reference"] + p["slow_reference_frames"] * t["motion"]
+    """Return the largest error of a healthy reference without its bias, at the present motion.
+
+    A reference that remembers the vote follows when a change of level moves it: its bias is known no better than that.
+    """
+    moved = abs(t["vote_off"] - t["reference_vote"])
+    return p["slow_reference"] + p["slow_reference_frames"] * t["motion"] + moved
 
 
 @kernel

@@ -63,9 +63,11 @@ TESTS: Final = np.dtype(
         ("last_middle", "f8"),
         ("rate", "f8"),  # mean change of the middle a frame
         ("motion", "f8"),  # largest one of the last second
-        ("reference_bias", "f8"),
+        ("vote_off", "f8"),  # mean of what the biases move the vote
+    ("reference_bias", "f8"),
         ("reference_learned", "i8"),  # frames
-        ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
+        ("reference_vote", "f8"),  # vote_off over the frames of which that bias is
+    ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
         *HALVES,
     ],
     align=True,
@@ -89,6 +91,7 @@ def isolate_slow(reference, n, p, st):
         return 0
     if t["learned"] == 0:
         t["usual_middle"] = t["last_middle"] = m
+    follow_vote(m, n, p, st)
     if t["level"] != n:
         begin_again(n, t)
     if t["known"] >= t["limits_until"]:
@@ -123,12 +126,18 @@ def rank_without_bias(n, st, t):
 
 
 @kernel
-def begin_again(n, t):
-    """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay.
+def follow_vote(m, n, p, st):
+    """Move the mean of what the biases of ``n`` channels move the vote, off ``m``, the middle without them."""
+    t, x, order, most = st["tests"], st["x"], st["order"], st["threshold"]
+    voted = vote.mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5)
+    off = difference(voted, m, p["wraps"])
+    t["vote_off"] += (min(max(off, -most), most) - t["vote_off"]) * (1.0 / SLOW)
 
-    But that of the reference is learned again: a reference that keeps what the vote was follows the vote's step.
-    """
-    t["level"], t["shaken"], t["reference_learned"] = n, 0.0, 0
+
+@kernel
+def begin_again(n, t):
+    """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay."""
+    t["level"], t["shaken"] = n, 0.0
     for c in range(CHANNELS):
         t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
         t["square"][c] = t["whole"][c] = t["noise"]
@@ -142,6 +151,7 @@ def forget_tests(st):
     t["learned"] = t["level"] = t["reference_learned"] = 0
     t["known"] = t["limits_until"] = 0.0
     t["noise"] = t["reference_bias"] = t["rate"] = t["motion"] = t["halves_noise"] = 0.0
+    t["vote_off"] = t["reference_vote"] = 0.0
     for c in range(CHANNELS):
         t["bias"][c] = t["share"][c] = 0.0
 
@@ -256,6 +266,7 @@ def learn(m, moved, step, n, p, st):
     t["learned"] += 1
     off, most = t["reference_off"], st["reference_threshold"]
     if np.isfinite(off):
-        off /= min(t["reference_learned"] + 1.0, LEARNING)
-        t["reference_bias"] = min(max(t["reference_bias"] + off, -most), most)
+        gain = 1.0 / min(t["reference_learned"] + 1.0, LEARNING)
+        t["reference_bias"] = min(max(t["reference_bias"] + gain * off, -most), most)
+        t["reference_vote"] += gain * (t["vote_off"] - t["reference_vote"])
         t["reference_learned"] += 1
