@@ -222,6 +222,11 @@ SLOW = [
     ),
     Defect("the step of a sum not limited", "step = (most < excess) ? most : excess;", "step = excess + (0.0 * most);"),
     Defect("a sum that fails a channel among others", "((2 * calm) > f->n) ? worst", "(calm >= 0) ? worst"),
+    Defect(
+        "two noisy channels need not exceed the data sheet",
+        "t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit))",
+        "t->square[worst] > (0.0 * sheet)",
+    ),
     Defect("the count of repeats forgotten", "l->repeats[c]++;", "l->repeats[c] = 1;"),
     Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS];", "uint8_t repeats[RIG_CHANNELS];"),
     Defect(

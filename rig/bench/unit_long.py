@@ -208,15 +208,20 @@ def _give_slow_faults(
 
 
 def _give_small_faults(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any]) -> None:
-    """Make one signal noisy and slow; of its channels one, or two alike, are off by little, noisier or far off."""
+    """Make one signal noisy and slow; of its channels one, or two alike, are off by little, noisier or far off.
+
+    Two alike also stand still at times, without noise: beside them the other two look noisy.
+    """
     frames, each, threshold = len(inputs), (CHANNELS,), float(row["threshold"])
     truth = threshold * 0.5 * np.sin(np.arange(frames) / draw.choice([150.25, 40.25]))
     louder = _episodes(draw, frames, each, np.array([1.0] * 24 + [8.0]), 250.0)
+    pair = np.isin(np.arange(CHANNELS), draw.permutation(CHANNELS)[:2])
+    still = pair * _episodes(draw, frames, (1,), np.array([0.0, 0.0, 0.0, 1.0]), 1000.0)
     noise = louder * draw.standard_normal((frames, CHANNELS))
-    channels = _NOISE * noise + draw.uniform(-0.05, 0.05, CHANNELS)
+    channels = _NOISE * np.where(still, 0.02, noise) + draw.uniform(-0.05, 0.05, CHANNELS)
     channels += _episodes(draw, frames, each, np.array([0.0] * 50 + [0.1507, -0.2507]), 250.0)
     alike = _episodes(draw, frames, (1,), np.array([0.0, 0.0, 0.0, 0.1507, -0.2507]), 400.0)
-    channels += alike * np.isin(np.arange(CHANNELS), draw.permutation(CHANNELS)[:2])
+    channels += alike * pair
     channels += 4.0 * (_episodes(draw, frames, each, np.arange(60), 40.0) == 0)
     channels += 5.0 * (_episodes(draw, frames, (1,), np.arange(60), 40.0) == 0)
     inputs["channels"][:, i] = _in_range(truth[:, None] + threshold * channels, row)

@@ -56,10 +56,10 @@ def watch_sums(m, n, p, st):
 
     Page 1954, with a step of at most limit / (persistence - 1/2): an error shorter than the persistence isolates no
     channel, however large.  At most one channel a frame, and none without a strict majority that is calm.
-    m : the middle of the ``n`` ranked samples
+    m : the middle of the ``n`` ranked samples, n >= 3; the signal has a limit
     """
     limit = p["slow_limit"]
-    if limit <= 0.0 or n < 3 or is_split(st["pattern"]):
+    if is_split(st["pattern"]):
         return NO_CHANNEL
     calm, most = 0, limit / (p["persistence"] - 0.5)
     for i in range(n):
