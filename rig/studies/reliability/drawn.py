@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rig.bench.one_signal_trials import Trials
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, to_frame
+from rig.core.frame import CHANNELS, to_frames
 from rig.scenario import aircraft
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.campaign_file import Distribution, Levels, Vary
@@ -188,8 +188,8 @@ class _Patch(NamedTuple):
     mine: NDArray[np.bool_]
 
     def frames(self, seconds: Values) -> NDArray[np.int64]:
-        """Return whole frames, as ``to_frame`` does."""
-        return np.vectorize(to_frame, otypes=[np.int64])(seconds, self.cell.scenario.rate_hz)
+        """Return whole frames."""
+        return to_frames(seconds, self.cell.scenario.rate_hz)
 
     def other(self, key: str) -> Values:
         """Return another key of the fault, drawn or from the scenario."""
