@@ -105,7 +105,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     values = drawn_values(made, trials, rng)
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
-    onset = schedule["first"][:, made.tested]
+    onset = schedule["first"][:, made.tested].copy()  # contiguous, as all others: one kernel for all cells
     at_once = all(made.scenario.faults[i].found_at_once for i in made.earlier)
     # What is integrated has a long memory.
     if at_once and not manager_kind(made.scenario.redundancy.manager).takes_back:
