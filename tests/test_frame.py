@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.core.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame
+from rig.core.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame, to_frames
 
 
 def test_the_sixteen_signals_and_three_discretes_of_a_flight_control_system_are_there():
@@ -53,6 +53,14 @@ def test_where_frames_are_decimals_no_time_is_taken_for_a_rounded_one(
 @pytest.mark.parametrize("time_s", [0.02, 0.017, 0.0168, 0.01669])
 def test_a_time_between_two_frames_is_the_later_one(time_s: float):
     assert to_frame(time_s, 60.0) == 2
+
+
+@given(
+    times=st.lists(st.floats(-10.0, 600.0) | st.integers(-9999, 9_999_999).map(lambda n: n / 10_000), min_size=1),
+    rate_hz=st.sampled_from([1.0, 33.3333, 50.0, 60.0, 100.0, 144.0, 400.0, 1000.0]),
+)
+def test_many_times_become_the_frames_of_each(times: list[float], rate_hz: float):
+    assert to_frames(np.array(times), rate_hz).tolist() == [to_frame(time_s, rate_hz) for time_s in times]
 
 
 def test_the_places_by_symbol_are_those_of_the_table():

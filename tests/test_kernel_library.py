@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from rig.core.kernel_library import InnerCompiler, InnerLibrary, inner_compiler
+from rig.core.kernel_library import InnerCompiler, InnerLibrary, OuterLibrary, compiler
 from rig.core.kernels import compile_inner, kernel
 
 jit: Any = config
 pytestmark = pytest.mark.skipif(bool(jit.DISABLE_JIT), reason="kernels are interpreted")
-with_insides = pytest.mark.skipif(inner_compiler() is not InnerCompiler, reason="not tested with this numba")
+with_insides = pytest.mark.skipif(compiler(inner=True) is not InnerCompiler, reason="not tested with this numba")
 
 
 @kernel
@@ -60,6 +60,14 @@ def test_what_a_cache_keeps_of_it_is_code_that_llvm_reads_and_no_machine_code():
     assert (name, kind) == ("rate", "bitcode") and code.startswith(b"BC\xc0\xde")
 
 
+@with_insides
+def test_of_a_kernel_that_python_calls_no_kernel_in_it_is_seen_from_outside():
+    assert summed(np.ones(3), 0.5) == 3 * (math.sin(1.0) * 0.5)
+    made = compiled(summed, "outer")
+    seen = {function.name for function in made.library.get_defined_functions() if function.linkage.name != "internal"}
+    assert made.fndesc.llvm_func_name in seen and not any("rate" in name for name in seen)
+
+
 def test_with_another_numba_every_kernel_is_compiled_like_all(monkeypatch: pytest.MonkeyPatch):
     @kernel
     def doubled(x):
@@ -67,4 +75,6 @@ def test_with_another_numba_every_kernel_is_compiled_like_all(monkeypatch: pytes
 
     monkeypatch.setattr("rig.core.kernel_library.TESTED", frozenset())
     compile_inner(doubled, 1.0)
+    assert doubled(2.0) == 4.0
     assert not isinstance(compiled(doubled, "inner").library, InnerLibrary)
+    assert not isinstance(compiled(doubled, "outer").library, OuterLibrary)

@@ -37,7 +37,7 @@ from rig.core.notes import note
 # Modules of which no edit is expected: their version, or that of Python, stands for them.
 _FOREIGN: Final = frozenset({"numpy", "numba", "scipy", "llvmlite", *sys.stdlib_module_names})
 _PLAIN: Final = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice)
-_FORMAT: Final = "3"  # of the files
+_FORMAT: Final = "4"  # of the files
 _DIGEST: Final = 32  # bytes
 REMEDY: Final = "RIG_CACHE_DIR or XDG_CACHE_HOME can name another folder"
 _BY_REPR: Final = ("numba.", "llvmlite.")

@@ -14,12 +14,11 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 from numba.core import config
-from numba.core.compiler import Compiler
 from numba.core.types import BaseTuple, NamedTuple
 
 from rig.core.errors import RigError
 from rig.core.kernel_cache import REMEDY, KernelCache
-from rig.core.kernel_library import InnerCompiler, inner_compiler
+from rig.core.kernel_library import InnerCompiler, compiler
 from rig.core.kernel_locks import give_all_back
 
 _config: Any = config
@@ -64,12 +63,12 @@ class Kernel:
     @cached_property
     def inner(self) -> Any:
         """Dispatcher of the form that kernels call; Python must not call it."""
-        return _dispatcher(self.py_func, inner_compiler(), no_cpython_wrapper=True, no_cfunc_wrapper=True)
+        return _dispatcher(self.py_func, inner=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
     @cached_property
     def outer(self) -> Any:
         """Dispatcher of the form that Python calls."""
-        return _dispatcher(self.py_func, Compiler, nogil=self._nogil, no_cfunc_wrapper=True)
+        return _dispatcher(self.py_func, inner=False, nogil=self._nogil, no_cfunc_wrapper=True)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel from Python, compiled for the types of the arguments."""
@@ -80,10 +79,11 @@ class Kernel:
             raise
 
 
-def _dispatcher(function: Callable[..., object], compiler: type[Compiler], **more: bool) -> Any:
+def _dispatcher(function: Callable[..., object], *, inner: bool, **more: bool) -> Any:
     options: dict[str, Any] = {"error_model": "numpy", "_nrt": False, **more}
-    made: Any = numba.njit(pipeline_class=compiler, **options)(function)
-    made._cache = KernelCache(function, kernel_folder(), repr(options), inner=compiler is InnerCompiler)
+    how = compiler(inner)
+    made: Any = numba.njit(pipeline_class=how, **options)(function)
+    made._cache = KernelCache(function, kernel_folder(), repr(options), inner=how is InnerCompiler)
     return made
 
 

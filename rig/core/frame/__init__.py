@@ -42,6 +42,7 @@ from rig.core.frame.row import (
     offset,
     rows,
     to_frame,
+    to_frames,
 )
 from rig.core.frame.second_row import (
     COMPUTER,

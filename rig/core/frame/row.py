@@ -30,7 +30,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.core.decimals import slack_of_product
+from rig.core.decimals import SURE, slack_of_product
 from rig.core.frame.fields import BASES, DISCRETE, FIELD, FIELDS, PARTS, SIGNAL, Field, Part
 from rig.core.frame.signals import D, S
 
@@ -39,6 +39,7 @@ Nested = NDArray[Any]  # the same bytes, dtype FRAME
 
 # Signals and discretes of the row types that there are: a kernel is compiled once for each that it meets.
 _CAPACITIES: Final = ((1, 1), (S, D), (64, 64))
+_ROUNDING: Final = 1e-6  # of a frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,4 +141,13 @@ def to_frame(time_s: float, rate_hz: float) -> int:
 
     At 60 Hz 0.0166667 s is frame 1.
     """
-    return ceil(time_s * rate_hz - max(1e-6, slack_of_product(time_s, rate_hz)))
+    return ceil(time_s * rate_hz - max(_ROUNDING, slack_of_product(time_s, rate_hz)))
+
+
+def to_frames(times_s: NDArray[np.float64], rate_hz: float) -> NDArray[np.int64]:
+    """Return ``to_frame`` of many times, (n,); their decimals are looked at only where they can count."""
+    exact = times_s * rate_hz
+    frames = np.ceil(exact - _ROUNDING).astype(np.int64)
+    for i in np.flatnonzero(np.ceil(exact - SURE) < frames).tolist():  # no slack of a product is more than SURE
+        frames[i] = to_frame(float(times_s[i]), rate_hz)
+    return frames

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rig.bench.one_signal_trials import Trials
 from rig.computer.redundancy.managers import manager_kind
 from rig.core.errors import BadInput
-from rig.core.frame import CHANNELS, to_frame
+from rig.core.frame import CHANNELS, to_frames
 from rig.scenario import aircraft
 from rig.scenario.scenario import Scenario
 from rig.studies.campaign.campaign_file import Distribution, Levels, Vary
@@ -105,7 +105,7 @@ def draw(made: Cell, trials: int, recording: Recording, rng: Generator) -> Trial
     values = drawn_values(made, trials, rng)
     drawn = Drawn(values, rng.random((trials, len(made.faults.schedule))) < 0.5)
     schedule, targets = records(made, drawn)
-    onset = schedule["first"][:, made.tested]
+    onset = schedule["first"][:, made.tested].copy()  # contiguous, as all others: one kernel for all cells
     at_once = all(made.scenario.faults[i].found_at_once for i in made.earlier)
     # What is integrated has a long memory.
     if at_once and not manager_kind(made.scenario.redundancy.manager).takes_back:
@@ -188,8 +188,8 @@ class _Patch(NamedTuple):
     mine: NDArray[np.bool_]
 
     def frames(self, seconds: Values) -> NDArray[np.int64]:
-        """Return whole frames, as ``to_frame`` does."""
-        return np.vectorize(to_frame, otypes=[np.int64])(seconds, self.cell.scenario.rate_hz)
+        """Return whole frames."""
+        return to_frames(seconds, self.cell.scenario.rate_hz)
 
     def other(self, key: str) -> Values:
         """Return another key of the fault, drawn or from the scenario."""
