@@ -43,7 +43,7 @@ def at_rest(m, n, p, st):
 
 @kernel
 def sum_quiet(m, n, p, st):
-    """Sum of a quiet signal, all of whose ``n`` >= 3 channels are ranked; return the channel that fails, or NO_CHANNEL."""
+    """Sum of a quiet signal, its ``n`` >= 3 channels all ranked; return the channel that fails, or NO_CHANNEL."""
     limit = p["slow_limit"]
     if not at_rest(m, n, p, st):
         calm, largest, most = 0, 0.0, limit / (p["persistence"] - 0.5)

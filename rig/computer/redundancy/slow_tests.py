@@ -64,10 +64,10 @@ TESTS: Final = np.dtype(
         ("rate", "f8"),  # mean change of the middle a frame
         ("motion", "f8"),  # largest one of the last second
         ("vote_off", "f8"),  # mean of what the biases move the vote
-    ("reference_bias", "f8"),
+        ("reference_bias", "f8"),
         ("reference_learned", "i8"),  # frames
         ("reference_vote", "f8"),  # vote_off over the frames of which that bias is
-    ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
+        ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
         *HALVES,
     ],
     align=True,

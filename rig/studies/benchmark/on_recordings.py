@@ -182,9 +182,10 @@ def _tested(
                     yield (frames, place, limit, compared, summed), {**_scaled(values, _COMPARED, compared), **asked}
 
 
-def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterator[SlowTests]:
+def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterator[SlowTests | None]:
     """Yield the tests with each margin over the largest shares in ``blocks``; with sums also those that learn alone.
 
+    Beside sums there may also be no tests, None: sensors that are not synchronised differ by what is no bias.
     Figures of the sensor that CONFIG does not state are the spread and the largest mean of the residuals.
     """
     (params,), channels = signal.params.copy(), [four(block.samples.T) for block in blocks]
@@ -200,9 +201,13 @@ def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterato
         alone = margin == BIASES_ALONE
         keys = dict.fromkeys(FACTORS, margin) if alone else keys_of(measured, signal.threshold, margin)
         yield figures.model_copy(update={name: keys[name] for name in FACTORS})
+    if sums:
+        yield None
 
 
-def _residuals(signal: OfSignal, blocks: Sequence[DataBlock], tests: SlowTests) -> tuple[list[Floats], Residuals]:
+def _residuals(
+    signal: OfSignal, blocks: Sequence[DataBlock], tests: SlowTests | None
+) -> tuple[list[Floats], Residuals]:
     """Return the residuals of each recording beside the tests, and their spread."""
     given = signal.given.model_copy(update={"slow_tests": tests})
     flights = [(block.samples, None) for block in blocks]
