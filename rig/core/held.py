@@ -11,9 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 from llvmlite import ir
-from numba.core import types, typing
+from numba.core import types
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.registry import cpu_target
+from numba.core.typing.templates import signature
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 from numpy.typing import NDArray
 
@@ -43,21 +44,21 @@ def _from_int(kind: HeldType, number: Any, c: Any) -> NativeValue:
 
 @intrinsic
 def _put(context: Any, memory: Any, data: Any) -> Any:
-    def code(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+    def code(target: Any, builder: Any, of: Any, given: Any) -> Any:
         place = target.make_array(memory)(target, builder, given[0]).data
         builder.store(given[1], builder.bitcast(place, given[1].type.as_pointer()), align=_WORD)
         return target.get_dummy_value()
 
-    return typing.signature(types.void, memory, data), code
+    return signature(types.void, memory, data), code
 
 
 @intrinsic
 def _taken(context: Any, held: Any) -> Any:
-    def code(target: Any, builder: Any, signature: Any, given: Any) -> Any:
-        place = target.get_value_type(signature.return_type).as_pointer()
+    def code(target: Any, builder: Any, of: Any, given: Any) -> Any:
+        place = target.get_value_type(of.return_type).as_pointer()
         return builder.load(builder.bitcast(given[0], place), align=_WORD)
 
-    return typing.signature(held.of, held), code
+    return signature(held.of, held), code
 
 
 def _itself(held: Any) -> Any:
@@ -70,7 +71,7 @@ data_of: Any = _taken if compiles() else _itself  # of a kernel: the data that `
 @kernel
 def _keep(memory, data):
     """Write ``data`` in its compiled form to ``memory``, words."""
-    _put(memory, data)
+    _put(memory, data)  # pyright: ignore[reportCallIssue] # numba gives it the context
 
 
 class Held:
