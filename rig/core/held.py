@@ -18,7 +18,7 @@ from numba.core.typing.templates import signature
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 from numpy.typing import NDArray
 
-from rig.core.kernels import bind, compiles, entry_point, kernel, type_of
+from rig.core.kernels import bind, compiles, entry_point, kernel, kind_of, type_of
 
 _WORD: Final = 8  # bytes; no part of the data needs a greater alignment
 
@@ -74,6 +74,9 @@ def _keep(memory, data):
     _put(memory, data)  # pyright: ignore[reportCallIssue] # numba gives it the context
 
 
+_made: dict[Any, tuple[Callable[..., Any], int]] = {}  # entry point and words of data, by function and kinds
+
+
 class Held:
     """A kernel of (block, k, held), called with the data that it was given last.
 
@@ -86,12 +89,9 @@ class Held:
         self._data: Any = None
         self._memory: NDArray[np.int64] | None = None
         if compiles():
-            of = type_of(data)
-            target: Any = cpu_target.target_context
-            size = target.get_abi_sizeof(target.get_value_type(of))
-            self._memory = np.zeros(size // _WORD + 1, np.int64)
+            self.entry, words = _compiled(function, block, k, data)
+            self._memory = np.zeros(words, np.int64)
             self._write: Callable[..., Any] = bind(_keep, self._memory, data)
-            self.entry = entry_point(function, (type_of(block), type_of(k), HeldType(of)))
 
     def hold(self, data: Any) -> Any:
         """Return what stands for ``data`` until other data is held; a tuple, whose arrays stay as they are."""
@@ -105,3 +105,14 @@ class Held:
     def __call__(self, block: Any, k: int, data: Any) -> Any:
         """Call the kernel with ``data``."""
         return self.entry(block, k, self.hold(data))
+
+
+def _compiled(function: Callable[..., Any], *arguments: Any) -> tuple[Callable[..., Any], int]:
+    """Return the kernel compiled for block, k and the data, and how many words the data has."""
+    key = function, kind_of(arguments)
+    if key not in _made:
+        block, k, data = map(type_of, arguments)
+        target: Any = cpu_target.target_context
+        size = target.get_abi_sizeof(target.get_value_type(data))
+        _made[key] = entry_point(function, (block, k, HeldType(data))), size // _WORD + 1
+    return _made[key]

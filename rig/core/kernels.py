@@ -133,7 +133,7 @@ def bind(function: F, *arguments: object) -> F:
     dispatcher: Any = getattr(function, "outer", function)
     if not hasattr(dispatcher, "overloads"):
         return function
-    key = function, _kind(arguments)
+    key = function, kind_of(arguments)
     if key not in _bound:
         _bound[key] = _compile(dispatcher, tuple(map(type_of, arguments))).entry_point
     return _bound[key]
@@ -168,10 +168,10 @@ def _compile(dispatcher: Any, types: tuple[Any, ...]) -> Any:
 _bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds of arguments
 
 
-def _kind(argument: Any) -> Any:
-    """Return the key of an argument's type: numba's own answer costs a flight a millisecond."""
+def kind_of(argument: Any) -> Any:
+    """Return a key of an argument's type: numba's own answer costs a flight a millisecond."""
     if isinstance(argument, tuple):
-        return type(argument), *map(_kind, argument)  # the class alone does not tell what a named tuple holds
+        return type(argument), *map(kind_of, argument)  # the class alone does not tell what a named tuple holds
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.num
     return argument.dtype if isinstance(argument, np.void) else type(argument)

@@ -83,6 +83,8 @@ def _before_the_first(rows: Block) -> Block:
     before["end"] = End.FLYING
     for levels, states in _LEVELS.items():
         failed = before[states] == State.FAILED
+        if not failed.any():
+            continue
         before[states][failed] = State.OK
         fitted = (before[states] != State.ABSENT).sum(axis=-1)
         before[levels] = np.where(failed.any(axis=-1), fitted, before[levels])
