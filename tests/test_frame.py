@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.core.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, new_block, sig, to_frame, to_frames
+from rig.core.frame import DISCRETES, FLAT, INDEX, SIGNALS, Pattern, copied, new_block, sig, to_frame, to_frames
 
 
 def test_the_sixteen_signals_and_three_discretes_of_a_flight_control_system_are_there():
@@ -19,6 +19,16 @@ def test_a_block_is_numbered_from_its_first_frame_and_blank():
     block = new_block(5, 100)
     assert block["frame"].tolist() == [100, 101, 102, 103, 104]
     assert block.dtype == FLAT and not block["channels"].any()
+
+
+def test_copied_rows_are_the_same_bytes_in_memory_of_their_own():
+    block = new_block(5, 100)
+    block["channels"] = np.arange(5)[:, None, None]
+    copy = copied(block[3:])
+    assert copy.dtype == FLAT and copy.flags.aligned and copy.tobytes() == block[3:].tobytes()
+    copy["frame"] = 0
+    assert block["frame"].tolist() == [100, 101, 102, 103, 104]
+    assert len(copied(block[:0])) == 0
 
 
 def test_patterns_are_called_as_in_the_paper():

@@ -133,20 +133,30 @@ def bind(function: F, *arguments: object) -> F:
     dispatcher: Any = getattr(function, "outer", function)
     if not hasattr(dispatcher, "overloads"):
         return function
-    key = function, _kind(arguments)
+    key = function, kind_of(arguments)
     if key not in _bound:
-        _bound[key] = _compile(dispatcher, arguments).entry_point
+        _bound[key] = _compile(dispatcher, tuple(map(type_of, arguments))).entry_point
     return _bound[key]
+
+
+def entry_point(function: Callable[..., object], types: tuple[Any, ...]) -> Callable[..., Any]:
+    """Return a kernel compiled for numba's ``types``, as ``bind`` does for arguments; for one that ``compiles``."""
+    dispatcher: Any = getattr(function, "outer", function)
+    return _compile(dispatcher, types).entry_point
+
+
+def compiles() -> bool:
+    """Return False if kernels are plain Python."""
+    return not _config.DISABLE_JIT
 
 
 def compile_inner(function: Callable[..., object], *arguments: object) -> None:
     """Compile the form of ``function`` that kernels call, for the types of ``arguments``."""
     if isinstance(function, Kernel):
-        _compile(function.inner, arguments)
+        _compile(function.inner, tuple(map(type_of, arguments)))
 
 
-def _compile(dispatcher: Any, arguments: tuple[object, ...]) -> Any:
-    types = tuple(map(_typeof, arguments))
+def _compile(dispatcher: Any, types: tuple[Any, ...]) -> Any:
     try:
         dispatcher.compile(types)
     except BaseException:
@@ -158,10 +168,10 @@ def _compile(dispatcher: Any, arguments: tuple[object, ...]) -> Any:
 _bound: dict[tuple[Any, Any], Any] = {}  # entry points, by function and kinds of arguments
 
 
-def _kind(argument: Any) -> Any:
-    """Return the key of an argument's type: numba's own answer costs a flight a millisecond."""
+def kind_of(argument: Any) -> Any:
+    """Return a key of an argument's type: numba's own answer costs a flight a millisecond."""
     if isinstance(argument, tuple):
-        return type(argument), *map(_kind, argument)  # the class alone does not tell what a named tuple holds
+        return type(argument), *map(kind_of, argument)  # the class alone does not tell what a named tuple holds
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.num
     return argument.dtype if isinstance(argument, np.void) else type(argument)
@@ -170,10 +180,10 @@ def _kind(argument: Any) -> Any:
 _records: dict[tuple[Any, ...], Any] = {}  # numba's types of structured arrays, by what decides them
 
 
-def _typeof(argument: Any) -> Any:
-    """``numba.typeof``, which works a structured dtype out again each time: half the cost of a flight's start."""
+def type_of(argument: Any) -> Any:
+    """Return ``numba.typeof``; that works a structured dtype out again each time, half the cost of a flight's start."""
     if isinstance(argument, tuple):
-        held = tuple(map(_typeof, argument))
+        held = tuple(map(type_of, argument))
         return NamedTuple(held, type(argument)) if hasattr(argument, "_fields") else BaseTuple.from_types(held)
     if not isinstance(argument, np.ndarray) or argument.dtype.names is None:
         return numba.typeof(argument)

@@ -1,6 +1,6 @@
 """The length of a block of rows, by what its flight is for.
 
-A block costs half a millisecond whatever its length: it is handed to a thread, and to the log as a chunk a second.  A
+A block costs half a millisecond whatever its length: it is handed to a thread, and to the log as a chunk or more.  A
 viewer receives a block when it is full.  A killed flight loses two at most: the one that it fills and the one that is
 being recorded.
 """

@@ -23,6 +23,7 @@ from rig.core.frame import (
     State,
     Trust,
     UnitStatus,
+    copied,
     new_block,
     offset,
 )
@@ -52,7 +53,7 @@ class EventFinder:
         """Return the events of ``rows``, which follow those of the last call, in order of time."""
         before, news = _before_the_first(rows) if self._last is None else self._last, np.zeros(len(rows), bool)
         mark_news(_words(rows), _words(before)[0], _PLACES, _CHANGED, _SET, news)
-        self._last = rows[-1:].copy()
+        self._last = copied(rows[-1:])
         places = np.flatnonzero(news)
         if not len(places):
             return []
@@ -77,12 +78,14 @@ class EventFinder:
 
 def _before_the_first(rows: Block) -> Block:
     """Return the row before a flight: as its first one, but nothing acts, has failed, has no majority or is over."""
-    before = rows[:1].copy()
+    before = copied(rows[:1])
     before["acting"] = 0
     before["pattern"] = Pattern.NORMAL
     before["end"] = End.FLYING
     for levels, states in _LEVELS.items():
         failed = before[states] == State.FAILED
+        if not failed.any():
+            continue
         before[states][failed] = State.OK
         fitted = (before[states] != State.ABSENT).sum(axis=-1)
         before[levels] = np.where(failed.any(axis=-1), fitted, before[levels])

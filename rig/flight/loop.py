@@ -31,6 +31,7 @@ from rig.computer.redundancy.resets import command
 from rig.core.confined import require_short
 from rig.core.errors import ManagerFailed
 from rig.core.frame import FLAT, TIMING, Block, Nested, Table, nested, new_block, second_rows
+from rig.core.held import Held, data_of
 from rig.core.interrupt import Stop
 from rig.core.kernels import bind, inlined, kernel
 from rig.flight.block_length import Use, block_frames
@@ -77,16 +78,9 @@ class Rig:
         rate_hz, suite, frame = scenario.rate_hz, scenario.sensors, scenario.airframe
         self.scenario, seeds = scenario, scenario.streams()
         self.pilot = Pilot(scenario.pilot, rate_hz)
-        self.plant = plant(
-            frame,
-            frame.point(scenario.flight_point),
-            scenario.wind,
-            scenario.turbulence,
-            rate_hz,
-            scenario.steps_per_frame,
-            int(seeds["plant"].generate_state(1)[0]) & 0x7FFFFFFF,
-            scenario.actuators.model == "servo",
-        )
+        point, seed = frame.point(scenario.flight_point), int(seeds["plant"].generate_state(1)[0]) & 0x7FFFFFFF
+        steps, servo = scenario.steps_per_frame, scenario.actuators.model == "servo"
+        self.plant = plant(frame, point, scenario.wind, scenario.turbulence, rate_hz, steps, seed, servo)
         self.sensors = Sensors(suite, rate_hz, seeds["sensors"])
         self.inertial = Inertial(scenario.inertial, rate_hz, seeds["inertial"])
         self.faults = faults(scenario, keep_clean)
@@ -139,7 +133,7 @@ class Rig:
 def bind_computer(data: StageData, own: OwnManager | None) -> ComputerStep:
     """Bind the flight computer to what its stages keep: one compiled call, or two around the user's manager."""
     rows = nested(new_block(2))
-    return bind(compute, rows, 0, data) if own is None else around_manager(rows, data, own, after_votes)
+    return Held(compute_held, rows, 0, data) if own is None else around_manager(rows, data, own, after_votes)
 
 
 def around_manager(rows: Nested, data: Any, own: OwnManager, last: Callable[..., None]) -> Callable[..., None]:
@@ -164,6 +158,12 @@ def compute(block, k, data):
     before(block, k, data)
     think(block, k, data)
     after(block, k, data)
+
+
+@kernel
+def compute_held(block, k, held):
+    """Do what ``compute`` does, with the data that is held."""
+    compute(block, k, data_of(held))
 
 
 @kernel
@@ -318,6 +318,8 @@ def _fly_block(
     frame_us, late_us, reply_us = timing["frame_us"], timing["late_us"], timing["reply_us"]
     clock, first, rows, data = time.perf_counter, int(block["frame"][0]), nested(block), rig.data
     read_truth, compute_row, move_surfaces = rig.plant.read, rig.computer_step, rig.plant.step
+    if isinstance(compute_row, Held):
+        compute_row, data = compute_row.entry, compute_row.hold(data)
     for k in range(len(block)):
         if pace is not None:
             late_us[k] = pace.wait(first + k) * 1e6

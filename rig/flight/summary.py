@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.event import Event
-from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, Table, new_block, sig
+from rig.core.frame import FLIGHT_INDEX, INDEX, Block, End, Table, copied, new_block, sig
 from rig.core.kernels import kernel
 from rig.core.units.angles import wrap
 from rig.flight.failures import failed_channels
@@ -78,13 +78,13 @@ class Verdict:
         """Take in the next frames of the flight and their events: block by block, for a flight is not kept."""
         rows = table.rows
         if not len(self._start):
-            self._start = rows[:1].copy()
+            self._start = copied(rows[:1])
         self._hash.update(rows.view(np.uint8).data)
         if table.beside is not None:
             self._beside = self._beside or hashlib.sha256()
             self._beside.update(table.beside.view(np.uint8).data)
         self.frames += len(rows)
-        self._last[:] = rows[-1:]
+        self._last = copied(rows[-1:])
         widen(rows, self._start, self._peaks)
         count_suspects(rows, self._suspects)
         self.events += events[: MOST_EVENTS - len(self.events)]

@@ -38,6 +38,8 @@ from mcap.records import (
 from numpy.typing import NDArray
 from zlib_ng.zlib_ng import crc32
 
+from rig.core.frame import copied
+
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "jsbsim-rig"
 COMPRESSION: Final = "zstd"
@@ -112,7 +114,7 @@ def message_indexes(first: int, offsets: NDArray[np.int64]) -> NDArray[Any]:
 
 
 def _timed(run: Run) -> bytes:
-    made = run.indexes.copy()  # flights in other threads share the original
+    made = copied(run.indexes)  # flights in other threads share the original
     made["entries"]["time"] = run.times
     return made.tobytes()
 

@@ -25,6 +25,7 @@ from rig.computer.analytic.flight_path import SLOWEST
 from rig.computer.analytic.reference_sources import PARTNERS, Config, second, source
 from rig.computer.gain_schedule import look_up
 from rig.core.frame import CHANNELS, INDEX, INERTIAL, SIGNALS, DecidedBy, Pattern, S, State, sig
+from rig.core.kept import kept
 from rig.core.kernels import kernel
 from rig.core.settings import record
 from rig.core.units.angles import difference
@@ -111,12 +112,9 @@ class References:
         monitored: bool = True,
         still: NDArray[np.float64] | None = None,
     ) -> None:
-        self.param = _parameters(config, designed, rate_hz, monitored)
+        self.param = _parameters(config, designed, rate_hz, monitored).copy()
         self.param["still"] = np.inf if still is None else still[list(LEARNING)]
-        self.pressures, self.table = designed.table()
-        for name in FILTERS:  # a time constant becomes the share of a new sample that passes in one frame
-            column = self.table[:, COLUMNS.index(name)]
-            column[:] = 1.0 - np.exp(-1.0 / (rate_hz * column))
+        self.pressures, self.table = (part.copy() for part in _table(designed, rate_hz))
         self.state: NDArray[Any] = np.zeros(1, STATE)
 
     @property
@@ -125,6 +123,17 @@ class References:
         return ReferenceData(self.pressures, self.table, self.param, self.state)
 
 
+@kept
+def _table(designed: Designed, rate_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return dynamic pressures and coefficients as of ``Designed.table``, the filters' as shares."""
+    pressures, table = designed.table()
+    for name in FILTERS:  # a time constant becomes the share of a new sample that passes in one frame
+        column = table[:, COLUMNS.index(name)]
+        column[:] = 1.0 - np.exp(-1.0 / (rate_hz * column))
+    return pressures, table
+
+
+@kept
 def _parameters(config: Config, designed: Designed, rate_hz: float, monitored: bool) -> NDArray[Any]:
     codes, partners = zip(*(_coded(signal.name, source(config, signal.name)) for signal in SIGNALS), strict=True)
     second_codes, second_partners = zip(*(_coded(s.name, second(config, s.name)) for s in SIGNALS), strict=True)

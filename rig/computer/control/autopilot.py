@@ -25,6 +25,7 @@ from rig.computer.fdi.pitch_test_state import STATE as FDI_STATE
 from rig.computer.fdi.pitch_test_state import Config as Tolerant
 from rig.computer.fdi.pitch_test_state import parameters as fdi_parameters
 from rig.core.frame import SURFACES, Block, nested
+from rig.core.kept import kept
 from rig.core.settings import Settings, numbers, record, share_in_frame
 
 
@@ -100,11 +101,12 @@ class Control:
     def __init__(
         self, config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
     ) -> None:
-        self.param: NDArray[Any] = _parameters(config, gains, rate_hz, surface_limits)
-        self.pressures, self.table = gains.table()
+        limits = [limit for surface in surface_limits for limit in surface]
+        self.param: NDArray[Any] = _parameters(config, gains, rate_hz, *map(float, limits)).copy()
+        self.pressures, self.table = (part.copy() for part in _table(gains))
         self.gain = np.zeros(len(COLUMNS))
         self.state: NDArray[Any] = np.zeros(1, STATE)
-        self.fdi_param = fdi_parameters(config.tolerant, names(LAWS).index(config.law) != 0, rate_hz)
+        self.fdi_param = _fdi_parameters(config.tolerant, names(LAWS).index(config.law) != 0, rate_hz).copy()
         self.fdi: NDArray[Any] = np.zeros(1, FDI_STATE)
         self.reset(np.zeros(len(SURFACES)))
 
@@ -127,10 +129,18 @@ class Control:
         control_law(row["bus"], row["fcc"], self.data)
 
 
-def _parameters(
-    config: Config, gains: Gains, rate_hz: float, surface_limits: Sequence[tuple[float, float]]
-) -> NDArray[Any]:
-    low, high = np.array(surface_limits, float).T
+_fdi_parameters = kept(fdi_parameters)
+
+
+@kept
+def _table(gains: Gains) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return gains.table()
+
+
+@kept
+def _parameters(config: Config, gains: Gains, rate_hz: float, *limits: float) -> NDArray[Any]:
+    """Return the (1,) PARAM record; limits : low and high of each surface in turn."""
+    low, high = np.reshape(limits, (-1, 2)).T
     return record(
         PARAM,
         config,

@@ -37,6 +37,7 @@ from rig.core.frame.row import (
     Block,
     Nested,
     Rows,
+    copied,
     nested,
     new_block,
     offset,

@@ -131,6 +131,11 @@ def new_block(frames: int, first_frame: int = 0) -> Block:
     return _FLIGHT.block(frames, first_frame)
 
 
+def copied(block: Block) -> Block:
+    """Return a copy of neighbouring rows, byte by byte: numpy's copies each field, 13 us a row instead of 3."""
+    return block.view(np.uint8).copy().view(block.dtype)
+
+
 def nested(block: Block) -> Nested:
     """Return the rows of a flight's ``block`` as FRAME: the same memory."""
     return block.view(FRAME)

@@ -72,7 +72,7 @@ class Ahead:
 @cache
 def _of_flight() -> dict[str, Callable[..., object]]:
     """Return the kernels that the frames, the plant and the outcome of a flight use, by name."""
-    roots: tuple[Any, ...] = (loop.compute, write_row, add_rows)
+    roots: tuple[Any, ...] = (loop.compute_held, write_row, add_rows)
     return {_name(function): function for root in roots for function in reached(root.py_func)}
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rig.core.frame import MOST_FAULTS, Block, State
+from rig.core.frame import MOST_FAULTS, Block, State, copied
 from rig.world.faults.places import CHANNELLED, number, site
 from rig.world.faults.scenario_faults import Fault
 
@@ -37,7 +37,7 @@ class Execution:
         for i in np.flatnonzero(acted & self._waiting):
             if self._did(rows, int(i)):
                 self._waiting[i] = 0
-        self._last = rows[-1:].copy()
+        self._last = copied(rows[-1:])
 
     def _did(self, rows: Block, i: int) -> bool:
         """Return True if fault i acts in one of ``rows`` on something that is in use."""

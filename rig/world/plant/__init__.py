@@ -3,6 +3,7 @@
 airframe.py  the airframe: the ``[airframe]`` table of its ``aircraft.toml``
 actuated.py  the base model with its own flight control replaced by our actuators
 wind.py      steady wind, steps, gusts and turbulence of a flight
+ground.py    its ground reactions, off while the aircraft flies high
 truth.py     JSBSim's numbers as the true row of a frame, in SI units
 loading.py   load an aircraft in JSBSim and trim it
 shared_models.py  loaded models that the flights of one process share

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rig.core.errors import RigError
 from rig.core.frame import SURFACES, Block, new_block
 from rig.core.kernels import bind
-from rig.world.plant import actuated, shared_models, truth, wind
+from rig.world.plant import actuated, ground, shared_models, truth, wind
 from rig.world.plant.airframe import Airframe, FlightPoint, LinearConfig
 from rig.world.plant.imperial import FEET_PER_METRE
 from rig.world.plant.loading import jsbsim_airframe, log
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _FPS_PER_KNOT: Final = 1852.0 / 3600.0 * FEET_PER_METRE
 _TUSTIN: Final = 4  # JSBSim's number of its Dryden turbulence in Tustin form
+_HEIGHT: Final = [*truth.READ].index("height_ft")
 
 _VALUE = jsbsim.FGPropertyNode.get_double_value  # mapped over the nodes: the quickest way to read many
 
@@ -61,6 +62,7 @@ class Plant:
         self._dt_s = 1.0 / (rate_hz * steps_per_frame)
         self._raw_bytes = bytearray(truth.RAW.itemsize)
         self._raw = np.frombuffer(self._raw_bytes, truth.RAW)  # the same memory, as one record
+        self._now = memoryview(self._raw_bytes).cast("d")  # and as numbers
         self.trim = np.zeros(len(SURFACES))
         self.reset()
 
@@ -85,6 +87,8 @@ class Plant:
         )
         self._air = [_node(fdm, f"atmosphere/gust-{axis}-fps") for axis in ("north", "east", "down")]
         self._air_changes_s = 0.0
+        self._ground = _node(fdm, ground.ENABLED).set_double_value
+        self._near = True if ground.idles_in_air(fdm, airframe) else None  # ground reactions are on; None: all the time
         self._run = fdm.run
         self._fdm = fdm
         self._actuator = self._frame = np.zeros(0)
@@ -107,6 +111,9 @@ class Plant:
     def read(self, block: Block, k: int) -> int:
         """Write truth (but the sticks), flight, two discretes and ``end`` of row k; returns the end code."""
         self._pack(self._raw_bytes, 0, *map(_VALUE, self._nodes))
+        if (self._now[_HEIGHT] > ground.HIGH_FT) is self._near:
+            self._near = not self._near
+            self._ground(float(self._near))
         if self._broken:
             self._raw["p_rad_s"] = np.nan
         return self._write_row(block, k, self._raw, self._fixed)
@@ -117,8 +124,10 @@ class Plant:
             self._block, self._actuator, self._frame = block, block["surface_command"], block["frame"]
         elevator, aileron, rudder, throttle = self._actuator[k].tolist()
         self._throttle(throttle)
-        if not self._servos:
-            self._place(elevator, aileron, rudder)
+        if not self._servos:  # as _place, without another call
+            self._elevator(elevator)
+            self._aileron(aileron)
+            self._rudder(rudder)
         if self._air_changes_s < inf:
             self._move_air((int(self._frame[k]) + 1) / self._rate_hz)
         try:

@@ -12,7 +12,7 @@ import jsbsim
 
 from rig.core.errors import BadInput, RigError
 from rig.core.text import choices, quoted
-from rig.world.plant import actuated, level, wind
+from rig.world.plant import actuated, ground, level, wind
 from rig.world.plant.airframe import Airframe, Config, FlightPoint
 from rig.world.plant.imperial import FEET_PER_METRE, KILOGRAMS_PER_SLUG
 from rig.world.plant.level import turns_propellers
@@ -224,6 +224,7 @@ def begin_again(fdm: jsbsim.FGFDMExec, airframe: Config) -> bool:
     _start(fdm, airframe)
     if not _trimmed(fdm):
         return False
+    fdm[ground.ENABLED] = 1.0  # off in the trim too, if the flight left them off
     fdm["propulsion/fuel_freeze"] = float(airframe.freeze_fuel)
     return True
 

@@ -15,15 +15,16 @@ import jsbsim
 
 from rig.core.kept import kept
 from rig.core.settings import Settings
-from rig.world.plant import wind
+from rig.world.plant import ground, wind
 from rig.world.plant.airframe import Config, FlightPoint
 from rig.world.plant.level import turns_propellers
 from rig.world.plant.loading import begin_again, load
 
 MOST: Final = 8  # models that wait; each has some megabytes
 CHECKED: Final = 100  # steps that a model flies beside a fresh one
-# Memory that JSBSim does not set before it is on the ground, a count that nothing reads, what is set after the trim.
-_APART: Final = ("/side_friction_coeff", "simulation/frame", "/randomseed")
+# Memory that JSBSim does not set before it is on the ground, or that is old while the ground reactions are off; a count
+# that nothing reads, what is set after the trim.
+_APART: Final = ("/side_friction_coeff", ground.HEIGHT_OF_POINT, "simulation/frame", "/randomseed")
 
 Key = tuple[str, str, float, wind.Velocity, bool]
 _waiting: dict[Key, jsbsim.FGFDMExec] = {}  # in the order in which they were handed back
