@@ -112,7 +112,7 @@ def test_a_log_that_cannot_be_written_on_stops_the_flight_and_stays_readable(tmp
 
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, before[1]))
     try:
         with pytest.raises(RigError, match="flight stopped at"):
             fly(None, overrides=["duration_s=20"], out=tmp_path)
