@@ -1,6 +1,6 @@
 """Shares of clusters, each confirmed on 20 new seeds, beside their shares of many more flights.
 
-    python tests/tools/cluster_shares.py --space f16 --bound 1.971 [--seeds 3 6] [--flights 240]
+    python tests/tools/cluster_shares.py --space f16 --bound 1.057 [--seeds 3 6] [--flights 240] [--no-trials-first]
 
 The spaces are those of search_table.py.  Of each search the first five clusters: the worst of five candidates is chosen
 on seeds that are not told, and its share told on 20 new seeds with the exact interval.  Then it flies on ``--flights``
@@ -27,7 +27,7 @@ from rig.studies.search.worst_cases import CANDIDATES, MOST
 
 def shares(plan: SearchPlan, flights: int) -> list[tuple[int, int, bool]]:
     """Return of each cluster its violations on the seeds that are told, on the others, and if the interval holds."""
-    found = results_of(plan)[0]
+    found = results_of(plan).results
     groups = clusters(plan.draws, [each.value for each in found], [each.violated for each in found])
     seeds = (seed_of(plan.campaign, number) for number in count(len(plan) + 1))
 
@@ -53,10 +53,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs=2, default=(3, 6))
     parser.add_argument("--search", type=int, default=240, help="flights of a search")
     parser.add_argument("--flights", type=int, default=240, help="flights of a cluster")
+    parser.add_argument("--trials-first", action=argparse.BooleanOptionalAction, default=True)
     given = parser.parse_args()
     every = []
     for seed in range(*given.seeds):
-        plan = plan_of(Job(given.space, 1, "regions", seed, given.search, False, given.bound))
+        plan = plan_of(Job(given.space, 1, "regions", seed, given.search, False, given.bound, given.trials_first))
         every += (new := shares(plan, given.flights))
         text = ", ".join(f"{told} of {SEEDS} and {many}{'' if held else ' (outside)'}" for told, many, held in new)
         print(f"{given.space}, seed {seed}: {text}", flush=True)

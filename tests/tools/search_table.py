@@ -11,6 +11,8 @@ With more arms the others hold the same faults at a fiftieth of the sizes, so th
 apart: violations that are 0.5 of the unit cube apart, the median.  clusters: as a search tells them, the median.
 cpu: seconds of the process, flights included: of the whole search, until the first violation, and until five clusters,
 as medians; "-": not in half of the searches.  No cluster is confirmed.
+beside flights: CPU seconds of the trials before them and, without these, of what chooses them, as medians.
+with more arms: violations of the arm that can violate, and of all others.
 """
 
 from __future__ import annotations
@@ -91,21 +93,33 @@ def _case(number: int, signal: str, times: float) -> dict[str, Any]:
     return {"name": f"size {number}", "set": {"faults": tables}, "vary": vary}
 
 
-def results_of(plan: SearchPlan) -> tuple[list[Measured], list[float]]:
-    """Return what each draw of the plan is worth, and the CPU time after each."""
-    starts: dict[str, Any] = {}
+class Results(NamedTuple):
+    """What each draw of a plan is worth, with CPU times in seconds."""
+
+    results: list[Measured]
+    times: list[float]  # of the process after each draw
+    trials_s: float  # of the trials before the flights
+    flights_s: float
+
+
+def results_of(plan: SearchPlan) -> Results:
+    """Search by a plan."""
+    began, starts = process_time(), dict[str, Any]()
     if plan.asked.trials_first:
         starts = {"starts": tried(plan, Stop()).starts}
-    times: list[float] = []
+    trials_s, flights_s, times = process_time() - began, 0.0, list[float]()
 
     def rows_of(numbers: list[int]) -> list[dict[str, Any]]:
-        rows = []
+        nonlocal flights_s
+        rows, began = [], process_time()
         for number in numbers:
             rows.append(row(plan[number], plan))
             times.append(process_time())
+        flights_s += process_time() - began
         return rows
 
-    return plan.search(rows_of, lambda _: None, **starts).results, times
+    results = plan.search(rows_of, lambda _: None, **starts).results
+    return Results(results, times, trials_s, flights_s)
 
 
 def row(run: Run, plan: SearchPlan) -> dict[str, Any]:
@@ -125,7 +139,7 @@ def bound_of(given: tuple[str, bool]) -> float:
     """Return the bound in thresholds that the SHARE of random flights of a space passes."""
     name, trials = given
     plan = plan_of(Job(name, 1, "random", _RANDOM_SEED, RANDOM, trials, 0.0))
-    return round(float(-np.quantile([each.robustness for each in results_of(plan)[0]], SHARE)), 3)
+    return round(float(-np.quantile([each.robustness for each in results_of(plan).results], SHARE)), 3)
 
 
 class Found(NamedTuple):
@@ -138,12 +152,15 @@ class Found(NamedTuple):
     cpu_s: float
     first_s: float  # CPU time until the first violation; infinite if there is none
     five_s: float  # until five clusters
+    trials_s: float
+    choosing_s: float  # neither trials nor flights
+    others: int  # violations of arms that should not violate
 
 
 def search(job: Job) -> Found:
     """Search once."""
     began, plan = process_time(), plan_of(job)
-    results, times = results_of(plan)
+    results, times, trials_s, flights_s = results_of(plan)
     found = [i for i, each in enumerate(results) if each.violated]
     kept: list[int] = []
     for i in found:
@@ -154,7 +171,9 @@ def search(job: Job) -> Found:
     counts = [clusters_of(plan, results[: i + 1]) for i in found]
     five_s = next((times[i] - began for i, count in zip(found, counts, strict=True) if count >= FIVE), math.inf)
     first, last = found[0] + 1 if found else None, counts[-1] if found else 0
-    return Found(len(found), first, len(kept), last, times[-1] - began, first_s, five_s)
+    cpu_s, others = times[-1] - began, sum(plan.draws[i].arm != 0 for i in found)
+    choosing_s = cpu_s - trials_s - flights_s
+    return Found(len(found), first, len(kept), last, cpu_s, first_s, five_s, trials_s, choosing_s, others)
 
 
 def clusters_of(plan: SearchPlan, results: list[Measured]) -> int:
@@ -163,17 +182,20 @@ def clusters_of(plan: SearchPlan, results: list[Measured]) -> int:
     return len(clusters(draws, [each.value for each in results], [each.violated for each in results]))
 
 
-def show(name: str, method: str, found: list[Found]) -> None:
+def show(name: str, method: str, found: list[Found], arms: int) -> None:
     """Print the line of a method: violations by seed, least and median, first violation."""
     counts, firsts = [each.violations for each in found], [each.first or 10**9 for each in found]
     text = " ".join(f"{count:3d}" for count in counts)
     first = " ".join("  -" if each.first is None else f"{each.first:3d}" for each in found)
     within = sum(each <= 100 for each in firsts)
+    others = sum(each.others for each in found)
+    by_arm = f" | by arm: {sum(counts) - others}, others {others}" if arms > 1 else ""
     print(
         f"{name:14} {method:8} {text} | least {min(counts):3d} median {np.median(counts):5.1f} | first {first}, "
         f"within 100: {within} of {len(found)} | apart {np.median([f.apart for f in found]):.0f} "
         f"clusters {np.median([f.clusters for f in found]):.0f} | "
-        f"cpu {_median(found, 'cpu_s')} s, {_median(found, 'first_s')} s, {_median(found, 'five_s')} s",
+        f"cpu {_median(found, 'cpu_s')} s, {_median(found, 'first_s')} s, {_median(found, 'five_s')} s"
+        f" | beside flights {_median(found, 'trials_s')} s, {_median(found, 'choosing_s')} s{by_arm}",
         flush=True,
     )
 
@@ -205,7 +227,7 @@ def main() -> None:
                     trials_first = given.trials_first and not given.trials and method == "regions"
                     size = given.flights, given.trials, bound, trials_first
                     found = pool.map(search, [Job(name, arms, method, seed, *size) for seed in seeds], 1)
-                    show(f"{name}, {arms}", f"{method}{', trials first' if trials_first else ''}", found)
+                    show(f"{name}, {arms}", f"{method}{', trials first' if trials_first else ''}", found, arms)
 
 
 if __name__ == "__main__":
