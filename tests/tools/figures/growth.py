@@ -116,17 +116,17 @@ def growth_trials(trials: str = "40000", flights: str = "200") -> None:
 
 
 def _trials_and_search(workers: int, trials: int, flights: int) -> Iterator[str]:
-    commands = (
-        ("reliability", "trials", "reliability", "--runs", str(trials)),
-        ("search", "worst-pitch-rate", "--requirement", "vote", "--flights", str(flights)),
-    )
-    for command, done in zip(commands, (trials, flights), strict=True):
+    commands = {
+        "trials": ("reliability", "trials", "reliability", "--runs", str(trials)),
+        "flights": ("search", "worst-pitch-rate", "--requirement", "vote", "--flights", str(flights)),
+    }
+    for counted, command in commands.items():
         with tempfile.TemporaryDirectory() as folder:
             rest = ("--out", f"{folder}/out", "--workers", str(workers), "--json")
             began = time.perf_counter()
             printed = _rig(*command, *rest)
             wall_s = time.perf_counter() - began
-        yield f"{printed.get('trials', done) / wall_s:,.0f}"
+        yield f"{printed[counted] / wall_s:,.0f}"
 
 
 def _rig(*arguments: str) -> dict[str, Any]:
