@@ -29,7 +29,7 @@ COMPRESSION: Final = zstandard.ZstdCompressionParameters(
 )
 CHUNK_S: Final = 2.0  # of flight; the first records of a chunk repeat nothing
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is shorter than a second
+CHUNK_BYTES: Final = 1 << 20  # before compression; at high rates a chunk is shorter than CHUNK_S
 EVENT_BYTES: Final = 1 << 12  # of them left for events
 
 

@@ -124,10 +124,8 @@ class Plant:
             self._block, self._actuator, self._frame = block, block["surface_command"], block["frame"]
         elevator, aileron, rudder, throttle = self._actuator[k].tolist()
         self._throttle(throttle)
-        if not self._servos:  # as _place, without another call
-            self._elevator(elevator)
-            self._aileron(aileron)
-            self._rudder(rudder)
+        if not self._servos:
+            self._place(elevator, aileron, rudder)
         if self._air_changes_s < inf:
             self._move_air((int(self._frame[k]) + 1) / self._rate_hz)
         try:
