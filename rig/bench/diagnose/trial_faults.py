@@ -93,7 +93,7 @@ def _outcome(group: Group, trial: _Trial) -> tuple[str, float | None]:
     since_s = min(signal.since_s or 0.0 for signal in named or told)
     if since_s < onset_s - _EARLY_S:
         return ("wrong" if named else "missed"), None
-    return ("correct" if named else "one_of"), max(since_s - onset_s, 0.0)
+    return ("one_of" if not named else "correct"), max(since_s - onset_s, 0.0)
 
 
 def with_fault(group: Group, trial: _Trial) -> Group:
