@@ -58,7 +58,7 @@ class Oracle:
 
     def __post_init__(self) -> None:
         self.slow_faults, self.references = SlowFaults(self.s), References(self.s)
-        self.slow_tests = SlowTests(self.s)
+        self.slow_tests = SlowTests(self.s, repeats=self.slow_faults.repeats)
 
     def step(
         self,

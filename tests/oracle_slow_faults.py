@@ -33,11 +33,12 @@ class SlowFaults:
 
         A reference that is ``trusted`` and far off it tells the same, at the stop and of those that all stand still.
         """
-        if not self.s.stale_frames:
+        if not self.s.stale_frames and not self.s.slow_means:
             return set()
         there = {c: x for c, x in enumerate(samples) if x is not None}
         moved = {c for c in there if c in in_use and self.last.get(c) != there[c]}
-        self.standing, against = not moved, self.s.limited(reference) if trusted else None
+        self.standing = not moved and self.s.stale_frames > 0
+        against = self.s.limited(reference) if trusted else None
         reference_moved = reference is not None and reference != self.last_reference
         for c, x in there.items():
             others = set(there) & in_use - {c}
@@ -55,7 +56,7 @@ class SlowFaults:
                 self.rules.add("a repeat of which too few tell")
             self.last[c] = x
         self.last_reference = reference
-        return {c for c in there if self.repeats[c] >= self.s.stale_frames}
+        return {c for c in there if 0 < self.s.stale_frames <= self.repeats[c]}
 
     def residuals(self, view: View, bias: dict[int, float]) -> dict[int, float]:
         """How far each sample without its ``bias`` is from the median of all, where the tests learn biases.

@@ -9,9 +9,11 @@ from random import Random
 from oracle_flights import Flight, Pick, before_the, filtered, slow_faults, with_commands
 
 BESIDE = 1.0 / 1024.0
+STUCK = 0.022  # of two alike, off the truth of the onset
 BY_SQUARES = ("noise", "oscillation")  # of which the tests tell something only after five seconds
 SINGLE = ("none", "offset", "drift", "noise", "noise", "noise", "oscillation", "stuck")
-FAULTS = (*SINGLE, *("pair", "pair drift", "pair oscillation", "third", "third", "third", "third") * 3)
+PAIRS = ("pair", "pair drift", "pair oscillation", "pair stuck")
+FAULTS = (*SINGLE, *(*PAIRS, "third", "third", "third", "third") * 3)
 
 
 def slow_tests(flight: Flight, pick: Pick) -> Flight:
@@ -42,9 +44,11 @@ def some_seconds(flight: Flight, pick: Pick) -> Flight:
     s, random = flight.settings, Random(pick(range(10**6)))
     calm, after, fault = pick([150, 380, 380, 600]), pick([120, 260]), pick(FAULTS)
     calm = 600 if fault in BY_SQUARES else calm
+    after = 260 if fault == "pair stuck" else after
     slope, swing, bias = pick([0.0, 0.002]), pick([0.0, 0.3]), [random.uniform(-0.1, 0.1) for _ in range(4)]
     size, wrong = pick([0.08, 0.15, 0.3, 0.6]) * pick([1, -1]), random.sample(range(s.channels), 2)
     left = random.choice([c for c in range(s.channels) if c != wrong[0]])
+    slope, swing = (0.0, 0.0) if fault == "pair stuck" else (slope, swing)
     off, holds = pick([None, 0.0, 0.2, 0.2]), dict[int, float]()
     samples, references = list[list[float | None]](), list[float | None]()
     for k in range(calm + after):
@@ -52,9 +56,9 @@ def some_seconds(flight: Flight, pick: Pick) -> Flight:
         for c in range(4):
             x = truth + bias[c] + random.gauss(0.0, 0.02)
             if k >= calm and c in (wrong if fault.startswith("pair") else wrong[:1]):
-                x = faulty(
-                    fault.removeprefix("pair").strip() or "offset", x, size, k - calm, random, holds.setdefault(c, x)
-                )
+                kind = fault.removeprefix("pair").strip() or "offset"
+                hold = holds.setdefault(c, truth + bias[c] + STUCK if fault == "pair stuck" else x)
+                x = faulty(kind, x, size, k - calm, random, hold)
             if fault == "third" and c not in (wrong[0], left) and k > 20:
                 x += 5.0
             row.append(x if c < s.channels and random.random() > 0.001 else None)

@@ -39,6 +39,8 @@ class SlowTests:
 
     s: Settings
     rules: set[str] = field(default_factory=set)
+    repeats: dict[int, int] = field(default_factory=dict)  # of each sample, of the oracle's slow-fault rules
+    standing: ClassVar[int] = 14  # repeats of a channel that stands still
     reference_from: ClassVar[int] = 300  # frames that are known of it
     beyond: ClassVar[float] = 0.5  # of a healthy half, the slope
 
@@ -139,6 +141,10 @@ class SlowTests:
         """The channel with the largest share, if it is alone."""
         worst = max(shares, key=lambda c: shares[c])
         if shares[worst] <= 1.0:
+            return set()
+        still = {c for c in shares if self.repeats.get(c, 0) >= self.standing}
+        if len(shares) == 4 and len(still - {worst}) == 2 and worst not in still:
+            self.rules.add("test: beside two that stand still")
             return set()
         by_means = shares[worst] == self.of_means[worst]
         noisy = self.squares[worst].value > (2.0 * self.s.slow_noise) ** 2 * (1.0 + self.squares_limit)

@@ -172,7 +172,7 @@ OF_SLOW_FAULTS = (
 )
 OF_SLOW_TESTS = (
     *(f"test: {said}" for said in ("one by slow_means", "one by slow_squares", "not alone", "a slope", "no slope")),
-    *("test: a half of 2", "test: a half of 4"),
+    *("test: a half of 2", "test: a half of 4", "test: beside two that stand still"),
     *("test: learned again after a reset", "slow beside the tests"),
 )
 OF_PAIRS = (
@@ -193,7 +193,7 @@ FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]
     "thresholds by level": (by_level, 150, ()),
     "behind a filter": (filtered, 150, OF_FILTERS),
     "slow faults": (slow_faults, 200, OF_SLOW_FAULTS),
-    "slow-fault tests": (slow_tests, 200, OF_SLOW_TESTS),
+    "slow-fault tests": (slow_tests, 260, OF_SLOW_TESTS),
     "held": (held, 200, OF_HOLDS),
     "left by extremes": (left_by_extremes, 300, OF_PAIRS),
     "at the stop": (at_the_stop, 150, ()),

@@ -101,6 +101,23 @@ def test_two_that_stand_still_alike_isolate_no_channel_whose_noise_is_that_of_th
         assert failed == ([0, 3] if found else []), sigma
 
 
+@pytest.mark.parametrize("repeats", [True, False])
+def test_two_that_repeat_their_samples_isolate_no_channel_beside_them(repeats: bool):
+    """Both stand 1.1 standard deviations up: the median is then the mean of the lower and the larger other sample."""
+    samples = noise(24, 4000)
+    samples[2000:, 1], samples[2000:, 3] = 1.06 * SIGMA, 1.19 * SIGMA
+    if not repeats:  # the same, but for the last bits
+        samples[2000:, [1, 3]] += np.arange(2000)[:, None] * 1e-9
+    failed = [c for c, at in enumerate(vote(samples).failed_at()) if at is not None]
+    assert (failed == []) == repeats
+
+
+def test_one_of_two_that_repeat_is_isolated_where_it_is_off():
+    samples = noise(25, 4000)
+    samples[2000:, 1], samples[2000:, 3] = 0.0, 6.0 * SIGMA
+    assert [vote(samples).failed_at()[c] is None for c in range(4)] == [True, True, True, False]
+
+
 def test_no_vote_is_moved_while_no_channel_is_isolated():
     samples = noise(19, 1500) + np.array([0.08, 0.03, 0.0, -0.05])
     assert (vote(samples).voted == vote_samples(samples, threshold=THRESHOLD).voted).all()

@@ -227,6 +227,7 @@ SLOW = [
         "t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit))",
         "t->square[worst] > (0.0 * sheet)",
     ),
+    Defect("channels isolated beside two that stand still", "&& !suspected && !beside)", "&& !(suspected && beside))"),
     Defect("the count of repeats forgotten", "l->repeats[c]++;", "l->repeats[c] = 1;"),
     Defect("repeats of eight bits", "int64_t repeats[RIG_CHANNELS];", "uint8_t repeats[RIG_CHANNELS];"),
     Defect(

@@ -466,6 +466,16 @@ class IsolatedBesideOthers(Other):
     tests = _NotAlone
 
 
+class _NoneStands(SlowTests):
+    standing = 10**9
+
+
+class IsolatedBesideStill(Other):
+    """A channel is isolated beside two that stand still."""
+
+    tests = _NoneStands
+
+
 class _AnySlope(SlowTests):
     beyond = inf
 

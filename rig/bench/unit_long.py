@@ -210,10 +210,11 @@ def _give_slow_faults(
 def _give_small_faults(draw: Generator, inputs: NDArray[Any], i: int, row: NDArray[Any]) -> None:
     """Make one signal noisy and slow; of its channels one, or two alike, are off by little, noisier or far off.
 
-    Two alike also stand still at times, without noise: beside them the other two look noisy.
+    Two alike also stand still at times, without noise: beside them the other two look noisy.  Where the truth stands
+    still as well, their samples repeat.
     """
     frames, each, threshold = len(inputs), (CHANNELS,), float(row["threshold"])
-    truth = threshold * 0.5 * np.sin(np.arange(frames) / draw.choice([150.25, 40.25]))
+    truth = threshold * 0.5 * np.sin(np.arange(frames) / draw.choice([150.25, 40.25, 1e18]))
     louder = _episodes(draw, frames, each, np.array([1.0] * 24 + [8.0]), 250.0)
     pair = np.isin(np.arange(CHANNELS), draw.permutation(CHANNELS)[:2])
     still = pair * _episodes(draw, frames, (1,), np.array([0.0, 0.0, 0.0, 1.0]), 1000.0)

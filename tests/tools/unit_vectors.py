@@ -338,7 +338,8 @@ TESTED: list[tuple[str, list[Wanted]]] = [
                     for said in ("one by slow_means", "one by slow_squares", "a half of 2", "a half of 4")
                 )
             ),
-            *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.HalvesByAnySlope),
+            *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.IsolatedBesideStill),
+            *otherwise(vector_rules.HalvesByAnySlope),
             *otherwise(vector_rules.ReferenceAskedEarly, vector_rules.ReferenceAsKnownAtALevel),
         ],
     ),

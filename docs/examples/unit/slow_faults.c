@@ -61,13 +61,14 @@ static bool repeat_counts(const struct frame *f, int c, const struct movement *m
 void slow_count(const struct frame *f, double reference, params *p, struct signal *s)
 {
     struct slow_faults *const l = &s->slow_faults;
-    if (l->set->stale_frames == 0) {
+    const bool told = l->set->stale_frames > 0;
+    if (!told && !tests_run(&s->slow_tests)) {
         return;
     }
     const struct movement m = movement(f, reference, p, s);
     l->last_reference = reference;
     l->stale = 0U;
-    l->standing = m.moving == 0;
+    l->standing = told && (m.moving == 0);
     for (int c = 0; c < p->fitted; c++) {
         if (compare_is_comparable(f, c, p)) {
             bool ends = f->samples[c] != l->last_sample[c];
@@ -76,7 +77,7 @@ void slow_count(const struct frame *f, double reference, params *p, struct signa
             }
             l->repeats[c] = ends ? 0 : l->repeats[c];
             l->last_sample[c] = f->samples[c];
-            l->stale |= (l->repeats[c] >= l->set->stale_frames) ? (1U << c) : 0U;
+            l->stale |= (told && (l->repeats[c] >= l->set->stale_frames)) ? (1U << c) : 0U;
         }
     }
 }

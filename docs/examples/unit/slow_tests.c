@@ -14,6 +14,7 @@
 #define LEAST 2.0       /* noise of the data sheet over slow_noise, the least that is reckoned with */
 #define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
 #define SQUARES_FROM 500 /* frames that are learned before the mean of squares tells anything */
+#define STILL 14 /* frames that a sample has repeated of a channel that stands still */
 #define CALM 0.5        /* of a limit */
 
 typedef const struct rig_slow_tests_config settings;
@@ -168,6 +169,17 @@ static int move_means(double m, double allowed, double variance, int n, struct s
     return worst;
 }
 
+/* Whether two others of four channels stand still, and channel c does not: where these two are close, the median is often between
+ * them, and does not show the mean of the others. */
+static bool is_beside_still(int c, int n, const int64_t repeats[RIG_CHANNELS])
+{
+    int still = 0;
+    for (int i = 0; i < n; i++) {
+        still += (repeats[i] >= STILL) ? 1 : 0;
+    }
+    return (n == RIG_CHANNELS) && (still == 2) && (repeats[c] < STILL);
+}
+
 /* The channel whose share is above 1, a bit, if more than half of the channels, or two of four, are below half of it. */
 static unsigned isolate_one(int worst, int n, struct slow_tests *t)
 {
@@ -251,7 +263,8 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     const int way = halves_suspect(f->n, allowed, t);
     unsigned bits = halves_isolate(way, f->n, s->reference_usable, t);
     const bool suspected = (way >= 0) && ((t->halves.share * t->set->slow_halves) > CALM);
-    if ((bits == 0U) && (f->n > 2) && !is_split(s->pattern) && !suspected) {
+    const bool beside = is_beside_still(worst, f->n, s->slow_faults.repeats);
+    if ((bits == 0U) && (f->n > 2) && !is_split(s->pattern) && !suspected && !beside) {
         bits = isolate_one(worst, f->n, t);
     }
     if ((bits == 0U) && (s->pattern == RIG_PATTERN_NORMAL) && (larger(t->share[worst], t->halves.share) < CALM)) {

@@ -110,10 +110,11 @@ def count_repeats(samples, valid, reference, seen, p, st):
     repeat alike: sensors at their stop, or at rest with a coarse quantum, are in order, unless a usable reference
     contradicts them.  Beside the only channel in use its reference is what moves.
     reference, seen : as it is, and as the sensors could read it
-    Writes ``stale``, a bit for each channel that has repeated for ``stale_frames``, and ``standing``.
+    Writes ``repeats``, and with ``stale_frames`` also ``standing`` and ``stale``, a bit for each channel that has
+    repeated for so long.
     """
     frames, repeats, last, failed = p["stale_frames"], st["repeats"], st["last_sample"], st["failed"]
-    if frames == 0:
+    if frames == 0 and p["slow_means"] <= 0.0:
         return
     low, high, in_use, moving, repeating = p["low"], p["high"], 0, 0, 0
     for c in range(p["fitted"]):  # no branch here: with a coarse quantum none is predictable
@@ -126,7 +127,7 @@ def count_repeats(samples, valid, reference, seen, p, st):
         moving += moved & working
         in_use += there & working
     reference_moved = np.isfinite(reference) and reference != st["last_reference"]
-    st["last_reference"], st["stale"], st["standing"] = reference, 0, moving == 0
+    st["last_reference"], st["stale"], st["standing"] = reference, 0, frames > 0 and moving == 0
     if repeating == 0:
         return
     stale = 0
@@ -140,7 +141,7 @@ def count_repeats(samples, valid, reference, seen, p, st):
             repeats[c] += 1
         elif at_stop:
             repeats[c] = 0
-        stale |= np.int64(repeats[c] >= frames) << c
+        stale |= np.int64(repeats[c] >= frames and frames > 0) << c
     st["stale"] = stale
 
 

@@ -35,6 +35,7 @@ FAST, SQUARE = 16.0, 128.0  # frames of the fast mean and of that of squares
 SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
 SQUARES_FROM: Final = 500  # frames that are learned before the mean of squares tells anything
 CALM: Final = 0.5  # of a limit
+STILL: Final = 14  # frames that a sample has repeated of a channel that stands still
 LEAST: Final = 2.0  # noise of the data sheet over ``slow_noise``, the least that is reckoned with
 TESTS: Final = np.dtype(
     [
@@ -106,7 +107,7 @@ def isolate_slow(reference, n, p, st):
     alike = t["halves_share"] * p["slow_halves"]
     suspected = max(t["share"][worst], t["halves_share"])
     if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
-        bits = isolate_one(worst, n, p, t)
+        bits = 0 if is_beside_still(worst, n, st) else isolate_one(worst, n, p, t)
     elif bits != 0:
         t["by"] = DecidedBy.SLOW_HALVES.value
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
@@ -220,6 +221,18 @@ def move_means(m, allowed, variance, n, p, t):
     t["shaken"] = second if n > 2 else lowest
     t["noise"] += (t["shaken"] - t["noise"]) / min(float(k), LEARNING)
     return worst
+
+
+@kernel
+def is_beside_still(c, n, st):
+    """Return True if two others of four channels stand still, and channel ``c`` does not.
+
+    Where these two are close, the median is often between them, and does not show the mean of the others.
+    """
+    repeats, order, still = st["repeats"], st["tests"]["order"], 0
+    for i in range(n):
+        still += repeats[order[i]] >= STILL
+    return n == CHANNELS and still == 2 and repeats[c] < STILL
 
 
 @kernel
