@@ -110,8 +110,8 @@ def count_repeats(samples, valid, reference, seen, p, st):
     repeat alike: sensors at their stop, or at rest with a coarse quantum, are in order, unless a usable reference
     contradicts them.  Beside the only channel in use its reference is what moves.
     reference, seen : as it is, and as the sensors could read it
-    Writes ``repeats``, and with ``stale_frames`` also ``standing`` and ``stale``, a bit for each channel that has
-    repeated for so long.
+    Writes ``repeats``, and with ``stale_frames`` also ``standing`` and ``stale``, a bit for each channel that
+    has repeated that often.
     """
     frames, repeats, last, failed = p["stale_frames"], st["repeats"], st["last_sample"], st["failed"]
     if frames == 0 and p["slow_means"] <= 0.0:
