@@ -338,18 +338,19 @@ TESTED: list[tuple[str, list[Wanted]]] = [
                     for said in ("one by slow_means", "one by slow_squares", "a half of 2", "a half of 4")
                 )
             ),
-            *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.IsolatedBesideStill),
-            *otherwise(vector_rules.HalvesByAnySlope),
+            *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.HalvesByAnySlope),
             *otherwise(vector_rules.ReferenceAskedEarly, vector_rules.ReferenceAsKnownAtALevel),
         ],
     ),
     (
-        "they are limited, learn and allow for motion as configured, and begin again after a reset",
+        "they are limited, learn, allow for motion and for channels that stand still, and begin again after a reset",
         [
             *without(slow_scale=0.0, slow_skew=0.0, slow_reference_frames=0.0, slow_bias=100.0, slow_noise=1e-4),
             *without(slow_squares=1.1, slow_halves=1.1),
             *otherwise(vector_rules.KeptAfterReset, vector_rules.WeightsKeptAfterReset),
             *otherwise(vector_rules.SlowKeptAtALevel, vector_rules.LearnsEvenly),
+            *otherwise(vector_rules.IsolatedBesideStill),
+            *reached("test: one by slow_squares"),
         ],
     ),
 ]

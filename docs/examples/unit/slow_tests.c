@@ -171,13 +171,13 @@ static int move_means(double m, double allowed, double variance, int n, struct s
 
 /* Whether two others of four channels stand still, and channel c does not: where these two are close, the median is often between
  * them, and does not show the mean of the others. */
-static bool is_beside_still(int c, int n, const int64_t repeats[RIG_CHANNELS])
+static bool is_beside_still(int c, int n, const struct slow_faults *l)
 {
     int still = 0;
     for (int i = 0; i < n; i++) {
-        still += (repeats[i] >= STILL) ? 1 : 0;
+        still += (l->repeats[i] >= STILL) ? 1 : 0;
     }
-    return (n == RIG_CHANNELS) && (still == 2) && (repeats[c] < STILL);
+    return (n == RIG_CHANNELS) && (still == 2) && (l->repeats[c] < STILL);
 }
 
 /* The channel whose share is above 1, a bit, if more than half of the channels, or two of four, are below half of it. */
@@ -263,7 +263,7 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     const int way = halves_suspect(f->n, allowed, t);
     unsigned bits = halves_isolate(way, f->n, s->reference_usable, t);
     const bool suspected = (way >= 0) && ((t->halves.share * t->set->slow_halves) > CALM);
-    const bool beside = is_beside_still(worst, f->n, s->slow_faults.repeats);
+    const bool beside = is_beside_still(worst, f->n, &s->slow_faults);
     if ((bits == 0U) && (f->n > 2) && !is_split(s->pattern) && !suspected && !beside) {
         bits = isolate_one(worst, f->n, t);
     }
