@@ -1,29 +1,104 @@
 """Small faults found, by place and state of the reference: the built-in manager without and with slow-fault tests.
 
-    python tests/tools/slow_tests_table.py WORST.toml TRIALS CAMPAIGN...
+    python tests/tools/slow_tests_table.py [--trials 20] [--aircraft f16 b737 b747]
 
-WORST.toml : largest error of each reference; campaigns as of rig benchmark, whose aircraft have the tests
+Trials of each combination of 16 signals and six forms of fault, in every place; no aircraft flies but for the frames
+that the trials share.  Sizes are in thresholds.  Half a minute an aircraft.
 """
 
-import sys
-import tomllib
+from __future__ import annotations
+
+import argparse
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import polars as pl
 from numpy.random import SFC64, Generator
 
 from rig.computer.redundancy.managers import Manager
 from rig.computer.redundancy.slow_tests_config import OFF
+from rig.core.frame import SIGNALS
+from rig.core.settings import read_toml
+from rig.scenario.scenario import find
 from rig.studies.benchmark.benchmark_trials import _whole, became, shared_out, streams_of, with_reference
-from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.campaign_file import Campaign, from_what
 from rig.studies.campaign.plan import Plan
 from rig.studies.reliability.cell_trials import Recordings, fly_trials
 from rig.studies.reliability.drawn import Cell, cell, draw, refill
 
-STATES = ("as flown", "off", "absent")
+STATES: Final = ("as flown", "off", "absent")
+AIRCRAFT: Final = {
+    "f16": {},
+    "b737": {"aircraft": "b737", "flight_point": "20000ft_m06"},
+    "b747": {"aircraft": "b747", "flight_point": "20000ft_m06"},
+}
+TESTED: Final = {"id": "tested", "channels": [2]}
+ANOTHER: Final = {"kind": "hardover", "direction": "either", "channels": [4], "start_s": 0.5}
+LATER: Final[dict[str, Any]] = {"faults.0.start_s": {"low": 14.0, "high": 19.0}}
+PLACES: Final[dict[str, tuple[list[dict[str, Any]], dict[str, Any]]]] = {
+    "alone": ([TESTED], LATER),
+    "after another": ([TESTED, ANOTHER], LATER),
+    "from the first frame": ([TESTED | {"start_s": 0.0}], {}),
+    "two alike": ([TESTED | {"channels": [2, 3]}], LATER),
+    "third": ([TESTED, ANOTHER, ANOTHER | {"channels": [3], "start_s": 4.0}], LATER),
+    "beside a slow drift": (
+        [TESTED, {"kind": "drift", "rate_thresholds_per_s": 0.02, "channels": [3], "start_s": 0.0}],
+        LATER,
+    ),
+}
+FORMS: Final[dict[str, tuple[str, dict[str, tuple[float, float]]]]] = {
+    "offset up": ("offset", {"offset_thresholds": (0.015, 0.45)}),
+    "offset down": ("offset", {"offset_thresholds": (-0.45, -0.015)}),
+    "drift": ("drift", {"rate_thresholds_per_s": (0.0075, 0.45)}),
+    "oscillation": ("oscillation", {"amplitude_thresholds": (0.03, 0.75), "frequency_hz": (0.5, 10.0)}),
+    "noise": ("noise", {"std_thresholds": (0.015, 0.45)}),
+    "stuck": ("stuck", {}),
+}
+# Error of a reference that is off: about its largest in healthy flights, in the unit of the signal.
+WORST: Final = {
+    "pitch_rate": 0.0527645,
+    "roll_rate": 0.02398,
+    "yaw_rate": 0.0434995,
+    "normal_load_factor": 0.360551,
+    "lateral_load_factor": 0.101655,
+    "longitudinal_load_factor": 0.0354488,
+    "angle_of_attack": 0.0661568,
+    "angle_of_sideslip": 0.044805,
+    "static_pressure": 15.0886,
+    "dynamic_pressure": 4904.55,
+    "pitch_angle": 0.0212805,
+    "roll_angle": 0.0254776,
+    "heading": 0.00355716,
+}
+
+
+def campaign(aircraft: str) -> Campaign:
+    """Every form of fault on every signal in every place, from 14 to 19 s: biases are learned by then."""
+    quiet = {
+        f"sensors.{name}.monitor.false_alarm_per_hour": 0.0 for name in ("stick_pitch", "stick_roll", "pedal")
+    }  # of these no trial could tell an alarm from a fault
+    flight = {"duration_s": 30.0, "pilot.manoeuvres.0.start_s": 13.0, **quiet, **AIRCRAFT[aircraft]}
+    forms = [
+        {
+            "name": f"{signal.name}, {form}",
+            "set": {"faults.*.signal": signal.name, "faults.0.kind": kind},
+            "vary": {f"faults.0.{key}": {"low": low, "high": high, "log": True} for key, (low, high) in sizes.items()},
+        }
+        for signal in SIGNALS
+        for form, (kind, sizes) in FORMS.items()
+    ]
+    designs = [{"name": name, "set": {"faults": faults}, "vary": vary} for name, (faults, vary) in PLACES.items()]
+    table = {
+        "title": "Small faults on sixteen signals",
+        "base": read_toml(find("f16_pitch_rate_offset_in_manoeuvre")),
+        "sampling": "stratified",
+        "runs": len(forms) * len(designs),
+        "seed": 35,
+        "set": flight,
+        "cases": {"design": designs, "form": forms},
+    }
+    return from_what(table, "small faults")
 
 
 def managers(made: Cell) -> dict[str, Manager]:
@@ -34,16 +109,16 @@ def managers(made: Cell) -> dict[str, Manager]:
     return {"without": Manager("cross-channel", bare), "with": made.one.manager}
 
 
-def trials(campaign: Path, worst: dict[str, float], count: int) -> Iterator[dict[str, Any]]:
+def trials(aircraft: str, count: int) -> Iterator[dict[str, Any]]:
     """A record of each trial, manager and state of the reference."""
-    plan = Plan(read(campaign, {}), str(campaign))
+    plan = Plan(campaign(aircraft), "small faults")
     recordings = Recordings(plan)
     for unit in shared_out(plan, count, 0):
         made, choice = cell(plan, unit.number, named=False), plan.choices[unit.number]
         name, streams = made.scenario.faults[made.tested].signal, streams_of(unit)
         drawn = _whole(draw(made, unit.trials, recordings(unit, made, ""), Generator(SFC64(streams[0]))))
         for state in STATES:
-            seen = with_reference(made, drawn, state, worst[name])
+            seen = with_reference(made, drawn, state, WORST.get(name, 0.0))
             for who, manager in managers(made).items():
                 told = made._replace(one=made.one._replace(manager=manager))
                 again = partial(refill, seen, *(Generator(SFC64(child)) for child in streams[1:]))
@@ -52,25 +127,40 @@ def trials(campaign: Path, worst: dict[str, float], count: int) -> Iterator[dict
                 yield from ({**place, "outcome": str(outcome)} for outcome in outcomes)
 
 
-def main() -> None:
-    """See above."""
-    worst = tomllib.loads(Path(sys.argv[1]).read_text())
-    rows = (row for name in sys.argv[3:] for row in trials(Path(name), worst, int(sys.argv[2])))
-    table = pl.DataFrame(list(rows))
-    print("isolated, % (healthy channel failed)")
-    for (place, state), part in table.group_by("place", "state", maintain_order=True):
-        rows = part.group_by("manager", maintain_order=True)
-        print(f"{place:22} {state:10}", *(f"{who}: {share(of)}" for (who,), of in rows), sep="  ")
-    flown = table.filter(pl.col("state") == STATES[0])
-    for (who, signal), part in flown.group_by("manager", "signal", maintain_order=True):
-        print(f"{who:10} {signal:22} {share(part)}")
-
-
 def share(part: pl.DataFrame) -> str:
     """Isolated, and healthy channels failed, in percent."""
     words = part["outcome"].to_list()
     isolated, missed = (words.count(word) for word in ("isolated", "missed"))
     return f"{100 * isolated / len(words):5.1f} ({100 * (len(words) - isolated - missed) / len(words):4.1f})"
+
+
+def show(table: pl.DataFrame) -> None:
+    """Print shares by place and state, and those of each signal with the reference as flown."""
+    print("isolated, % (healthy channel failed)")
+    for (place, state), part in table.group_by("place", "state", maintain_order=True):
+        rows = part.group_by("manager", maintain_order=True)
+        print(f"{place:22} {state:10}", *(f"{who}: {share(of)}" for (who,), of in rows), sep="  ")
+    flown = table.filter(pl.col("state") == STATES[0])
+    for (who,), part in flown.group_by("manager", maintain_order=True):
+        print(f"{'all places':22} {STATES[0]:10}  {who}: {share(part)}")
+    for (who, signal), part in flown.group_by("manager", "signal", maintain_order=True):
+        print(f"{who:10} {signal:22} {share(part)}")
+
+
+def main() -> None:
+    """See above."""
+    parser = argparse.ArgumentParser(description="Small faults, without and with slow-fault tests.")
+    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--aircraft", nargs="+", choices=AIRCRAFT, default=list(AIRCRAFT))
+    asked = parser.parse_args()
+    tables = []
+    for aircraft in asked.aircraft:
+        tables.append(pl.DataFrame(list(trials(aircraft, asked.trials))))
+        print(aircraft, end=": ")
+        show(tables[-1])
+    if len(tables) > 1:
+        print("all", end=": ")
+        show(pl.concat(tables))
 
 
 if __name__ == "__main__":
