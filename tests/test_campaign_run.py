@@ -3,9 +3,11 @@
 import gc
 import json
 import os
+import re
 import resource
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -443,6 +445,99 @@ def test_a_cluster_of_which_one_worker_is_killed_gives_the_same_table(whole: Res
     )
     assert ran.returncode == 0, ran.stderr[-3000:]
     assert ran.stdout.split("\n")[-2] == f"48 {{'flown': 48}} {whole.table_sha256}"
+
+
+RESTARTED = """
+import os, subprocess, sys, threading, time
+from pathlib import Path
+
+from rig.core.errors import RigError
+from rig.studies.campaign import pool
+from rig.studies.campaign.campaign_file import read
+from rig.studies.campaign.plan import Plan
+from rig.studies.campaign.run_campaign import run
+
+PORT = sys.argv[3]
+started = []
+
+def start(what, *more):
+    command = [sys.executable, "-m", f"distributed.cli.dask_{what}", *more, "--no-dashboard"]
+    started.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+    return started[-1]
+
+def cluster():
+    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", PORT)
+    start("worker", f"tcp://127.0.0.1:{PORT}", "--nthreads", "1", "--no-nanny")
+    return scheduler
+
+def flown(out, restarts):
+    scheduler = cluster()
+
+    def kill():
+        while not list((out / "runs").glob("*.parquet")):
+            time.sleep(0.002)
+        scheduler.kill()
+        scheduler.wait()
+        if restarts:
+            cluster()
+
+    pool.ANSWER_S, pool.RETURN_S = 60.0, 60.0  # both of them have to start
+    while True:
+        try:
+            pool.Cluster(f"tcp://127.0.0.1:{PORT}").close()
+            break
+        except pool.BadInput:
+            time.sleep(0.2)
+    pool.RETURN_S = 60.0 if restarts else 0.5
+    killer = threading.Thread(target=kill)
+    killer.start()
+    try:
+        return run(Plan(read(sys.argv[1]), sys.argv[1]), out, scheduler=f"tcp://127.0.0.1:{PORT}")
+    finally:
+        killer.join()
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[2])
+    try:
+        result = flown(folder / "restarted", True)
+        print(result.done, result.outcomes, result.table_sha256)
+        for process in started:
+            process.kill()
+            process.wait()
+        flown(folder / "lost", False)
+    except RigError as error:
+        print(error)
+    finally:
+        for process in started:
+            process.kill()
+"""
+
+
+@pytest.mark.long
+def test_a_scheduler_that_is_started_again_gives_the_same_table_and_one_that_is_not_loses_no_run(
+    whole: Result, tmp_path: Path
+):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    script = tmp_path / "restarted.py"
+    script.write_text(RESTARTED)
+    path = write(tmp_path)
+    ran = subprocess.run(
+        [sys.executable, str(script), str(path), str(tmp_path), str(port)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    assert ran.returncode == 0 and "Traceback" not in ran.stderr, ran.stderr[-3000:]
+    table, lost = ran.stdout.splitlines()
+    assert table == f"48 {{'flown': 48}} {whole.table_sha256}"
+    gone = r"--scheduler tcp://\S+: it or its workers stopped, and are not back after 0.5 s; (\d+) of 48 runs done, "
+    done = re.match(gone, lost)
+    assert done is not None and 0 < int(done[1]) < 48, lost
+    assert len(open_folder(tmp_path / "lost").tables["runs"]) == int(done[1])
 
 
 def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, rig_command: Any):

@@ -13,11 +13,12 @@ import signal
 import sys
 import tempfile
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures import wait as wait_for
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
@@ -27,6 +28,7 @@ from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import interruptible
 
 ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
+RETURN_S: Final = 60.0  # how long one that stopped, and then a worker of it, may take to come back
 _METHOD: Final = "forkserver" if sys.platform == "linux" else "spawn"
 _SETTINGS: Final = {
     # One flight uses one core: further threads of libraries would only compete.
@@ -108,7 +110,10 @@ class Local:
 
 
 class Cluster:
-    """The workers of a Dask cluster. Dask itself gives a lost worker's tasks to another, a few times."""
+    """The workers of a Dask cluster. Dask itself gives a lost worker's tasks to another, a few times.
+
+    A scheduler that stops has lost all tasks; they are handed out again when it is back.
+    """
 
     breaks = False
 
@@ -121,18 +126,26 @@ class Cluster:
             from distributed.scheduler import KilledWorker
         except ImportError:
             raise BadInput("--scheduler: needs dask.distributed: pip install 'jsbsim-rig[cluster]'") from None
+        self._address, self._silence = address, ExitStack()
+        self._silence.enter_context(_quiet())  # Dask's own threads tell of a lost scheduler, too
         try:
-            with _quiet():
-                self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
+            self._client = Client(address, timeout=ANSWER_S, set_as_default=False)
         except (OSError, ValueError, RuntimeError) as error:
+            self._silence.close()
             raise BadInput(f"--scheduler {address}: no reply: {str(error).strip() or type(error).__name__}") from None
-        threads: Any = self._client.nthreads()
-        self.size = sum(threads.values())
+        self.size = self._threads()
         if self.size == 0:
             self._client.close()
+            self._silence.close()
             raise BadInput(f"--scheduler {address}: has no worker")
         self._executor: Executor = self._client.get_executor(pure=False)
-        self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
+        # A scheduler that stops cancels what it was given.
+        self.lost: tuple[type[BaseException], ...] = (KilledWorker, CancelledError)
+
+    def _threads(self) -> int:
+        """Return how many tasks the workers run at once."""
+        threads: Any = self._client.nthreads()
+        return sum(threads.values())
 
     def submit(self, function: Any, *arguments: Any) -> Future[Any]:
         """Hand out one task."""
@@ -141,8 +154,7 @@ class Cluster:
     def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
         """Call a function on every worker before there is work for it.  RigError: it raises an error, or is missing."""
         try:
-            with _quiet():
-                self._client.run(function, *arguments)
+            self._client.run(function, *arguments)
         except RigError:
             raise
         except Exception as error:
@@ -150,13 +162,29 @@ class Cluster:
             raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
 
     def renew(self) -> None:
-        """Do nothing: the cluster replaces its workers itself."""
+        """Wait for the scheduler, if it stopped, and for a worker; the cluster replaces those itself.
+
+        RigError: they are not back within RETURN_S.
+        """
+        from distributed import Client
+
+        until = time.monotonic() + RETURN_S
+        while time.monotonic() < until:
+            with suppress(OSError, ValueError, RuntimeError):  # no reply yet
+                if self._client.status == "closed":
+                    self._client = Client(self._address, timeout=ANSWER_S, set_as_default=False)
+                    self._executor = self._client.get_executor(pure=False)
+                if self._threads() > 0:
+                    return
+            time.sleep(_LOOK_S)
+        raise RigError(f"--scheduler {self._address}: it or its workers stopped, and are not back after {RETURN_S:g} s")
 
     def close(self, kill: bool = False) -> None:
         """Leave the cluster unchanged."""
-        with _quiet():
+        if self._client.status == "running":
             self._executor.shutdown(wait=not kill)
-            self._client.close()
+        self._client.close()
+        self._silence.close()
 
 
 Pool = Local | Cluster
