@@ -38,6 +38,14 @@ class InnerLibrary(JITCodeLibrary):
         """Return what a cache keeps, without machine code."""
         return self.name, "bitcode", self._get_module_for_linking().as_bitcode()
 
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Tidy the functions that it defines: numba also makes a pass manager for each that it only declares."""
+        ll_module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager()
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
     def _optimize_final_module(self) -> None:
         """Do nothing: LLVM optimises the kernel that Python calls, with this one in it."""
 

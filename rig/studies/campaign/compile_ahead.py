@@ -2,6 +2,7 @@
 
 The parts of a frame before, at and after the decision (loop.py) cost about a third each, and one process alone compiles
 each kernel (kernel_locks.py).  One process takes the kernels in the order of a frame, the other begins with the last.
+It compiles the outcome and the log last, while LLVM optimises the whole frame in the first.
 The calling process loads the results.  While it waits it reacts to a signal at once; during a compilation by LLVM it
 could not.
 """
@@ -24,6 +25,7 @@ from rig.computer.lanes.think import ComputerData, follow_votes
 from rig.computer.redundancy.baselines import select_unit
 from rig.computer.redundancy.managers import KINDS
 from rig.computer.redundancy.state import ManagerData
+from rig.core.compile_shortcuts import take_shortcuts
 from rig.core.errors import RigError
 from rig.core.files import reported
 from rig.core.frame import Table
@@ -130,6 +132,7 @@ def run_child() -> None:
         def on_end(self, event: Any) -> None:
             os.write(writing, f"{_name(event.data['dispatcher'].py_func)}\n".encode())
 
+    take_shortcuts()
     gc.set_threshold(500_000, 10, 10)  # what numba keeps of each kernel stays: a twentieth of the time went in search
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with event.install_listener("numba:compile", Teller()):
@@ -150,17 +153,18 @@ def _in_order() -> None:
 
 
 def _from_the_end() -> None:
-    """Compile the end of a frame, the outcome, then all kernels that the other process may have left."""
+    """Compile the end of a frame, the managers, the outcome, the log, then all that the other process may have left."""
     scenario = load(None, ["duration_s=0.01", "faults=[]"])
     rig, rows = loop.Rig(scenario, lambda rig: lambda rows, k, data: None, keep_clean=1), loop.new_block(1)
     rig.prepare(rows)
     row, data = loop.nested(rows)[0], rig.data
     compile_inner(follow_votes, row["bus"], row["fcc"], ComputerData(data.redundancy, data.control, data.faults))
     compile_inner(loop.after, loop.nested(rows), 0, data)
+    _managers_from_the_last(row, data.redundancy.manager)
     outcome = FlightConclusion()
     outcome.begin(scenario)
     outcome.add(Table(rows, clean=rig.faults.clean_of(rows)))
-    _managers_from_the_last(row, data.redundancy.manager)
+    LogWriter(os.devnull, 1.0, {})
     compile_inner(think_all, row, 0, ComputerData(data.redundancy, data.control, data.faults), data.lanes)
 
 
