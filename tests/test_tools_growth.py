@@ -30,6 +30,20 @@ def test_a_row_says_whether_it_was_flown(monkeypatch: pytest.MonkeyPatch, capsys
     assert drawn.count("stroke-dasharray") == 4 and "dashed: extrapolated" in drawn
 
 
+def test_what_was_flown_is_not_extrapolated(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path
+):
+    monkeypatch.setattr(growth, "_size", {1000: SMALL, 100_000: LARGE._replace(flights=100_000)}.__getitem__)
+    monkeypatch.setattr(growth, "PICTURE", tmp_path / "growth.svg")
+    growth.growth_size("1000", "100000")
+    rows = [line.split("|") for line in capsys.readouterr().out.splitlines() if line.startswith("|")][2:]
+    assert [(row[1].strip(), row[-2].strip()) for row in rows] == [
+        ("1,000", "measured"),
+        ("100,000", "measured"),
+        ("1,000,000", "extrapolated, not flown"),
+    ]
+
+
 def test_the_most_memory_of_a_process_is_that_of_the_system():
     assert growth._peak_mb(os.getpid()) > 10.0
     assert growth._peak_mb(2**31 - 1) == 0.0

@@ -139,8 +139,8 @@ def _rig(*arguments: str) -> dict[str, Any]:
 
 def growth_size(*flights: str) -> None:
     """Print what campaigns of very short flights take, then what larger ones would; draw both."""
-    sizes = [_size(int(count)) for count in flights or ("1000", "10000")]
-    later = [extrapolated(sizes, count) for count in LATER]
+    sizes = [_size(int(count)) for count in flights or ("1000", "10000", "100000")]
+    later = [extrapolated(sizes, count) for count in LATER if count > sizes[-1].flights]
     rows = [_row(size, "measured") for size in sizes] + [_row(size, "extrapolated, not flown") for size in later]
     table(HEADS, rows)
     PICTURE.write_text(drawn(sizes, later), encoding="utf-8")
