@@ -107,7 +107,7 @@ def isolate_slow(reference, n, p, st):
     alike = t["halves_share"] * p["slow_halves"]
     suspected = max(t["share"][worst], t["halves_share"])
     if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
-        bits = 0 if is_beside_still(worst, n, st) else isolate_one(worst, n, p, t)
+        bits = isolate_one(worst, n, p, st)
     elif bits != 0:
         t["by"] = DecidedBy.SLOW_HALVES.value
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
@@ -236,14 +236,15 @@ def is_beside_still(c, n, st):
 
 
 @kernel
-def isolate_one(worst, n, p, t):
+def isolate_one(worst, n, p, st):
     """Return the bit of the channel whose share is above 1, if most others are below half of it; 0 for none.
 
     Most: more than half of the channels, or two of four, whose other two are then told apart by slow_halves.  Two that
     stand still make the noise of the other two look like a fault: it must be more than the data sheet's then.
     """
+    t = st["tests"]
     share, order, calm = t["share"], t["order"], 0
-    if share[worst] <= 1.0:
+    if share[worst] <= 1.0 or is_beside_still(worst, n, st):
         return 0
     for i in range(n):
         calm += share[order[i]] < CALM * share[worst]
