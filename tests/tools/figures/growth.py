@@ -9,10 +9,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from math import floor, log10
 from pathlib import Path
 from statistics import median
 from typing import Any, Final, NamedTuple
+
+from distributed import LocalCluster
 
 from figures import table
 from figures.svg import Panel, line, svg, text
@@ -49,11 +52,14 @@ class Size(NamedTuple):
     status_s: float
 
 
-def _campaign(folder: str, runs: int, seconds: float, workers: int) -> tuple[dict[str, Any], float]:
-    """Fly a campaign into ``folder``/out; return what it prints and the most memory of its parent process, MB."""
+def _campaign(folder: str, runs: int, seconds: float, *by: str) -> tuple[dict[str, Any], float]:
+    """Fly a campaign into ``folder``/out; return what it prints and the most memory of its parent process, MB.
+
+    by : --workers or --scheduler
+    """
     file = Path(folder, "growth.toml")
     file.write_text(CAMPAIGN.format(runs=runs, seconds=seconds, start=seconds / 2.0))
-    asked = ["campaign", "run", str(file), "--out", f"{folder}/out", "--workers", str(workers), "--json"]
+    asked = ["campaign", "run", str(file), "--out", f"{folder}/out", *by, "--json"]
     process = subprocess.Popen([sys.executable, "-m", "rig", *asked], stdout=subprocess.PIPE, text=True)
     most = 0.0
     while process.poll() is None:  # the system forgets it when the process ends
@@ -87,26 +93,39 @@ def busy() -> str:
     return f"Load average before: {load:.1f} on {cores} cores; {said}."
 
 
+@contextmanager
+def _cluster(workers: int) -> Iterator[str]:
+    """Run a Dask scheduler and its workers on this machine; yield its address."""
+    made: Any = LocalCluster  # its types know neither a context nor a cluster without a dashboard
+    with made(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
+
+
 def growth_workers(runs: str = "400", rounds: str = "3") -> None:
-    """Print flights a second, of 8 s each, by workers; the largest rate of some rounds in turn."""
+    """Print flights a second, of 8 s each, by workers; the largest rate of some rounds in turn.
+
+    The workers are processes of the command, then those of a Dask cluster.
+    """
     load = busy()
     table(("workers", "flights/s", "efficiency", "tables"), _by_workers(int(runs), int(rounds)))
     print(f"\n{load}")
 
 
 def _by_workers(runs: int, rounds: int) -> Iterator[list[str]]:
-    rates: dict[int, list[float]] = {workers: [] for workers in counts()}
+    rates: dict[tuple[str, int], list[float]] = {(kind, count): [] for kind in ("", " of Dask") for count in counts()}
     hashes = set[str]()
     for _ in range(rounds):
-        for workers, found in rates.items():
-            with tempfile.TemporaryDirectory() as folder:
-                flown, _ = _campaign(folder, runs, 8.0, workers)
+        for (kind, workers), found in rates.items():
+            with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+                local = ("--workers", str(workers))
+                by = ("--scheduler", stack.enter_context(_cluster(workers))) if kind else local
+                flown, _ = _campaign(folder, runs, 8.0, *by)
             found.append(flown["flights_per_s"])
             hashes.add(flown["table_sha256"])
-    alone = max(rates[1])
-    for workers, found in rates.items():
+    alone = max(rates["", 1])
+    for (kind, workers), found in rates.items():
         share = max(found) / (workers * alone)
-        yield [str(workers), f"{max(found):.1f}", f"{share:.0%}", "equal" if len(hashes) == 1 else "DIFFERENT"]
+        yield [f"{workers}{kind}", f"{max(found):.1f}", f"{share:.0%}", "equal" if len(hashes) == 1 else "DIFFERENT"]
 
 
 def growth_trials(trials: str = "40000", flights: str = "200") -> None:
@@ -150,7 +169,7 @@ def growth_size(*flights: str) -> None:
 def _size(count: int) -> Size:
     """Fly a campaign of flights of 20 frames, as many rows of its tables as longer ones have."""
     with tempfile.TemporaryDirectory() as folder:
-        _, parent_mb = _campaign(folder, count, 0.2, os.cpu_count() or 1)
+        _, parent_mb = _campaign(folder, count, 0.2, "--workers", str(os.cpu_count() or 1))
         disk = sum(path.stat().st_size for path in Path(folder, "out").rglob("*") if path.is_file())
         seconds = (_seconds(name, f"{folder}/out") for name in ("report", "status"))
         return Size(count, parent_mb, disk / 1e6, *seconds)
