@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import os
 import shlex
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from rig.core import renamed, sealed
 from rig.core.errors import BadInput
@@ -28,6 +28,8 @@ from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.tables import OF, OUTCOMES, TABLES
 from rig.verdict.score_records import ISOLATIONS
 
+PART: Final = "\0part"  # a column while the parts are checked; no key has such a name
+_NO_COVERAGE: Final = "a coverage cannot be of a flight"
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
     "faults": tuple(OUTCOMES.values()),
@@ -52,16 +54,33 @@ def read(folder: Path, plan: Plan, identity: str | None) -> dict[str, pl.DataFra
     BadInput names a file that is damaged, missing, of another campaign or a copy, and the remedy.
     """
     parts = names(folder)
-    files = {name: _tables(folder, name, parts, plan, identity) for name in TABLES}
-    seen: dict[int, str] = {}
-    for i, part in enumerate(parts):
-        _check_runs(folder, part, files["runs"][i], plan, seen)
-        for name in TABLES[1:]:
-            _check_rows(folder, name, part, files["runs"][i], files[name][i])
-    return {name: table.joined(name, frames) for name, frames in files.items()}
+    rows = {name: _rows(folder, name, parts, plan, identity) for name in TABLES}
+    _check_runs(folder, parts, rows["runs"], plan)
+    for name in TABLES[1:]:
+        if not _agree(name, rows["runs"].table, rows[name].table):
+            _name_the_part(folder, name, parts, rows["runs"], rows[name])
+    return {name: table.joined(name, [held.table.drop(PART)] if parts else []) for name, held in rows.items()}
 
 
-def _tables(folder: Path, name: str, parts: list[str], plan: Plan, identity: str | None) -> list[pl.DataFrame]:
+class _Rows(NamedTuple):
+    """The rows of all parts of one table, part after part."""
+
+    table: pl.DataFrame  # with the number of the part beside each row
+    ends: list[int]  # of each part
+
+    @classmethod
+    def of(cls, table: pl.DataFrame, counts: Sequence[int]) -> _Rows:
+        """Return rows with the number of their part; counts : rows of each part."""
+        part = pl.Series(PART, np.repeat(np.arange(len(counts)), counts), pl.Int64)
+        return cls(table.with_columns(part), list(accumulate(counts)))
+
+    def part(self, i: int) -> pl.DataFrame:
+        """Return the rows of one part."""
+        start = self.ends[i - 1] if i else 0
+        return self.table[start : self.ends[i]]
+
+
+def _rows(folder: Path, name: str, parts: list[str], plan: Plan, identity: str | None) -> _Rows:
     """Read the files of one table and check their columns, all at once if possible, in a quarter of the time."""
     held = [_bytes(folder, name, part, identity) for part in parts]
     expected, counts = table.schema(plan, name), [count for _, count in held]
@@ -69,9 +88,9 @@ def _tables(folder: Path, name: str, parts: list[str], plan: Plan, identity: str
         with suppress(OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):
             rows = pl.read_parquet([data for data, _ in held], hive_partitioning=False, glob=False, parallel="none")
             if rows.schema == expected and len(rows) == sum(counts) and all(map(_is_finite, rows)):
-                ends, rows = list(accumulate(counts)), _with_words_of_now(rows)
-                return [rows[end - count : end] for end, count in zip(ends, counts, strict=True)]
-    return [_table(folder, name, part, plan, data) for part, (data, _) in zip(parts, held, strict=True)]
+                return _Rows.of(_with_words_of_now(rows.rechunk()), counts)
+    read = [_table(folder, name, part, plan, data) for part, (data, _) in zip(parts, held, strict=True)]
+    return _Rows.of(pl.concat(read) if read else pl.DataFrame(schema=expected), list(map(len, read)))
 
 
 def _bytes(folder: Path, name: str, part: str, identity: str | None) -> tuple[bytes, int]:
@@ -138,21 +157,33 @@ def _is_finite(column: pl.Series) -> bool:
     return not column.dtype.is_float() or int((~np.isfinite(column.to_numpy())).sum()) == column.null_count()
 
 
-def _check_runs(folder: Path, part: str, runs: pl.DataFrame, plan: Plan, seen: dict[int, str]) -> None:
-    """Raise BadInput unless the runs of a part match its name and the plan, and are in no earlier part."""
-    path, numbers = folder / "runs" / f"{part}.parquet", runs["run"].to_list()
-    if not numbers or None in numbers or part != name_of(numbers):
-        raise BadInput(f"{path}: the name does not match its runs; if it is a copy, remove it: {_remove(path)}")
-    if not all(map(_is_coverage, runs["coverage"].drop_nulls().unique())):
-        raise _again(folder, path, part, "a coverage cannot be of a flight")
-    if not all(len(bins) == BINS and min(bins) >= 0 for bins in map(list, runs["replies"].drop_nulls())):
-        raise _again(folder, path, part, "reply times have other bins than this version")
-    if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
-        raise _again(folder, path, part, f"a run is twice there, or not one of the campaign's {len(plan)}")
-    for number in numbers:
-        if number in seen:
-            raise _again(folder, path, part, f"run {number} is also in runs/{seen[number]}.parquet")
-        seen[number] = part
+def _check_runs(folder: Path, parts: list[str], rows: _Rows, plan: Plan) -> None:
+    """Raise BadInput unless the runs of each part match its name and the plan, and are in no earlier part."""
+    all_numbers, seen = rows.table["run"].to_list(), dict[int, str]()
+    sound, start = _is_sound(rows.table), 0
+    for i, (part, end) in enumerate(zip(parts, rows.ends, strict=True)):
+        path, numbers, start = folder / "runs" / f"{part}.parquet", all_numbers[start:end], end
+        if not numbers or None in numbers or part != name_of(numbers):
+            raise BadInput(f"{path}: the name does not match its runs; if it is a copy, remove it: {_remove(path)}")
+        if not sound and not _is_sound(of_part := rows.part(i)):
+            what = "reply times have other bins than this version" if _is_covered(of_part) else _NO_COVERAGE
+            raise _again(folder, path, part, what)
+        if len(set(numbers)) < len(numbers) or not 0 <= min(numbers) <= max(numbers) < len(plan):
+            raise _again(folder, path, part, f"a run is twice there, or not one of the campaign's {len(plan)}")
+        for number in numbers:
+            if number in seen:
+                raise _again(folder, path, part, f"run {number} is also in runs/{seen[number]}.parquet")
+            seen[number] = part
+
+
+def _is_sound(runs: pl.DataFrame) -> bool:
+    """Return True if runs have a coverage of flights, and reply times in the bins of this version."""
+    replies = map(list, runs["replies"].drop_nulls())
+    return _is_covered(runs) and all(len(bins) == BINS and min(bins) >= 0 for bins in replies)
+
+
+def _is_covered(runs: pl.DataFrame) -> bool:
+    return all(map(_is_coverage, runs["coverage"].drop_nulls().unique()))
 
 
 def _is_coverage(text: str) -> bool:
@@ -165,23 +196,27 @@ def _is_coverage(text: str) -> bool:
     return all(isinstance(s, dict) and all(isinstance(v, list | int) for v in s.values()) for s in signals)
 
 
-def _check_rows(folder: Path, name: str, part: str, runs: pl.DataFrame, rows: pl.DataFrame) -> None:
-    """Raise BadInput unless a table has as many rows of every run as ``runs`` counts."""
-    numbers: NDArray[Any] = np.sort(rows["run"].to_numpy())
-    if name in _COUNTS:
-        counted = runs.select("run", count=pl.sum_horizontal(_COUNTS[name])).sort("run")
-        counts = counted["count"].to_numpy()
-        agree = bool((counts >= 0).all() and (counts <= len(numbers)).all())
-        agree = agree and np.array_equal(numbers, np.repeat(counted["run"].to_numpy(), counts))
-    elif name == "signals":
-        flown = runs.filter(pl.col("outcome") == "flown")["run"].sort().to_numpy()
-        agree = np.array_equal(numbers, np.repeat(flown, len(SIGNALS)))
+def _agree(name: str, runs: pl.DataFrame, rows: pl.DataFrame) -> bool:
+    """Return True if a table has as many rows of every run as ``runs`` counts, in the same part."""
+    if name == "episodes":
+        unresolved = rows.filter(pl.col("decided_by") == "unresolved").group_by(PART).len("unresolved")
+        counted = runs.group_by(PART).agg(pl.col("unresolved").sum()).filter(pl.col("unresolved") != 0)
+        known = rows.join(runs, on=[PART, "run"], how="anti").is_empty()
+        return known and counted.sort(PART).rows() == unresolved.sort(PART).rows()
+    if name == "signals":
+        of_run = pl.when(pl.col("outcome") == "flown").then(len(SIGNALS)).otherwise(0)
     else:
-        agree = bool(np.isin(numbers, runs["run"].to_numpy()).all())
-        agree &= int((rows["decided_by"] == "unresolved").sum()) == int(runs["unresolved"].sum())
-    if not agree:
-        path = folder / name / f"{part}.parquet"
-        raise _again(folder, path, part, f"the rows do not match the counts of runs/{part}.parquet")
+        of_run = pl.sum_horizontal(_COUNTS[name])
+    counted = runs.select(PART, "run", count=of_run.cast(pl.Int64)).filter(pl.col("count") != 0)
+    return counted.sort(PART, "run").rows() == rows.group_by(PART, "run").len("count").sort(PART, "run").rows()
+
+
+def _name_the_part(folder: Path, name: str, parts: list[str], runs: _Rows, rows: _Rows) -> None:
+    """Raise BadInput for the first part whose rows of a table do not match its runs."""
+    for i, part in enumerate(parts):
+        if not _agree(name, runs.part(i), rows.part(i)):
+            path = folder / name / f"{part}.parquet"
+            raise _again(folder, path, part, f"the rows do not match the counts of runs/{part}.parquet")
 
 
 def _again(folder: Path, path: Path, part: str, what: str) -> BadInput:

@@ -336,12 +336,12 @@ def joined(table: str, frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
 
 def sha256(tables: dict[str, pl.DataFrame]) -> str:
     """Return one hash of the ``hashed`` columns of all tables: sorted rows, exact numbers."""
-    digest = hashlib.sha256()
+    digest, of_row = hashlib.sha256(), json.JSONEncoder(allow_nan=False).encode
     for name in TABLES:
         columns, given = OF[name].columns, tables[name]
         unhashed = [n for n in given.columns if n in columns and not columns[n].hashed]
         hashed = given.drop(n for n in unhashed if columns[n].hashed is False or given[n].is_null().all())
         digest.update(json.dumps([name, hashed.columns, [str(t) for t in hashed.dtypes]]).encode())
         for row in hashed.iter_rows():
-            digest.update(json.dumps(row, allow_nan=False).encode())
+            digest.update(of_row(row).encode())
     return digest.hexdigest()
