@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import polars as pl
@@ -21,6 +22,7 @@ import pytest
 from mcap.reader import make_reader
 
 from rig.core.errors import BadInput, RigError
+from rig.core.interrupt import Stop
 from rig.core.trust import Trust
 from rig.log import read_log
 from rig.log.chunk_layout import ROW
@@ -538,6 +540,22 @@ def test_a_scheduler_that_is_started_again_gives_the_same_table_and_one_that_is_
     done = re.match(gone, lost)
     assert done is not None and 0 < int(done[1]) < 48, lost
     assert len(open_folder(tmp_path / "lost").tables["runs"]) == int(done[1])
+
+
+def test_an_interruption_ends_the_wait_for_a_scheduler(monkeypatch: pytest.MonkeyPatch):
+    stop, cluster, tried = Stop(), pool.Cluster.__new__(pool.Cluster), list[str]()
+
+    def client(address: str, **_: Any) -> None:
+        tried.append(address)
+        stop.requested = len(tried) == 2
+        raise OSError("no reply")
+
+    monkeypatch.setattr("distributed.Client", client)
+    monkeypatch.setattr(pool, "_LOOK_S", 0.0)
+    monkeypatch.setattr(cluster, "_address", "tcp://127.0.0.1:9", raising=False)
+    monkeypatch.setattr(cluster, "_client", SimpleNamespace(status="closed"), raising=False)
+    cluster.renew(stop)  # would raise RigError after a minute
+    assert len(tried) == 2
 
 
 def test_the_commands_say_one_json_object_and_refuse_in_one_line(whole: Result, rig_command: Any):

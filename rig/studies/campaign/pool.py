@@ -25,7 +25,7 @@ from multiprocessing.connection import wait
 from typing import Any, Final, TypeVar
 
 from rig.core.errors import BadInput, RigError
-from rig.core.interrupt import interruptible
+from rig.core.interrupt import Stop, interruptible
 
 ANSWER_S: Final = 5.0  # how long a scheduler may take to answer
 RETURN_S: Final = 60.0  # how long one that stopped, and then a worker of it, may take to come back
@@ -96,7 +96,7 @@ class Local:
     def everywhere(self, function: Callable[..., object], *arguments: Any) -> None:
         """Do nothing: a worker of this machine has what this process has."""
 
-    def renew(self) -> None:
+    def renew(self, stop: Stop) -> None:
         """Replace the executor after a worker stopped."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._executor = self._new()
@@ -161,8 +161,8 @@ class Cluster:
             text = " ".join(str(error).split())
             raise RigError(f"a worker failed: {type(error).__name__}: {text}") from error
 
-    def renew(self) -> None:
-        """Wait for the scheduler, if it stopped, and for a worker; the cluster replaces those itself.
+    def renew(self, stop: Stop) -> None:
+        """Wait for the scheduler, if it stopped, and for a worker, or for ``stop``; the cluster replaces those itself.
 
         RigError: they are not back within RETURN_S.
         """
@@ -170,6 +170,8 @@ class Cluster:
 
         until = time.monotonic() + RETURN_S
         while time.monotonic() < until:
+            if stop.requested:
+                return
             with suppress(OSError, ValueError, RuntimeError):  # no reply yet
                 if self._client.status == "closed":
                     self._client = Client(self._address, timeout=ANSWER_S, set_as_default=False)

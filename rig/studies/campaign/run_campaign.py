@@ -233,7 +233,7 @@ class Flying:
                 if self.deaths > PATIENCE:
                     raise RigError("workers keep stopping before a batch is finished")
                 if not stop.requested:
-                    self.pool.renew()
+                    self.pool.renew(stop)
                 waiting.extendleft((fly_alone, numbers) for numbers in reversed(lost))
             if report is not None:
                 report(self.progress)
