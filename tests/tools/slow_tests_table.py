@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
 
+import numpy as np
 import polars as pl
 from numpy.random import SFC64, Generator
 
@@ -130,7 +131,9 @@ def trials(aircraft: str, count: int, sizes: str) -> Iterator[dict[str, Any]]:
     for unit in shared_out(plan, count, 0):
         made, choice = cell(plan, unit.number, named=False), plan.choices[unit.number]
         name, streams = made.scenario.faults[made.tested].signal, streams_of(unit)
+        stuck = made.scenario.faults[made.tested].kind == "stuck"
         drawn = _whole(draw(made, unit.trials, recordings(unit, made, ""), Generator(SFC64(streams[0]))))
+        differs = not stuck or bool(np.ptp(drawn.truth) > 0.0)  # a stick that stands still may be stuck
         for state in STATES:
             seen = with_reference(made, drawn, state, WORST.get(name, 0.0))
             for who, manager in managers(made).items():
@@ -138,7 +141,7 @@ def trials(aircraft: str, count: int, sizes: str) -> Iterator[dict[str, Any]]:
                 again = partial(refill, seen, *(Generator(SFC64(child)) for child in streams[1:]))
                 outcomes = became(made, drawn.onset, fly_trials(told, seen, again)[0])["outcome"]
                 place = {"place": choice["design"], "signal": name, "state": state, "sizes": sizes, "manager": who}
-                yield from ({**place, "outcome": str(outcome)} for outcome in outcomes)
+                yield from ({**place, "differs": differs, "outcome": str(outcome)} for outcome in outcomes)
 
 
 def share(part: pl.DataFrame) -> str:
@@ -155,8 +158,13 @@ def show(table: pl.DataFrame) -> None:
         show_row(f"{place:22} {state:10}", part)
     flown = table.filter(pl.col("state") == STATES[0])
     show_row(f"{'all places':22} {STATES[0]:10}", flown)
-    for kind, has_reference in (("with a reference", True), ("without", False)):
-        show_row(f"all places, signals {kind}", flown.filter(pl.col("signal").is_in(list(WORST)) == has_reference))
+    referred, between = pl.col("signal").is_in(list(WORST)), pl.col("place").is_in(["two alike", "third"])
+    show_row("all places, signals with a reference", flown.filter(referred))
+    show_row("all places, signals without", flown.filter(~referred))
+    show_row("all places, without stuck sticks that stand still", flown.filter("differs"))
+    show_row(
+        "and without two alike and thirds that no reference tells apart", flown.filter("differs", referred | ~between)
+    )
     for (signal,), part in flown.group_by("signal", maintain_order=True):
         show_row(f"{signal:22} {STATES[0]:10}", part)
 
