@@ -377,8 +377,8 @@ def test_jsbsim_is_not_loaded(tmp_path):
     code = (
         "import sys, rig\n"
         "from rig.cli.main import main\n"
-        "found = rig.search('tank.py:tank', 'tank.toml', simulations=30)\n"
-        "assert found.figures['simulations'] == 30 and not found.figures['failed']\n"
+        "found = rig.search('tank.py:tank', 'tank.toml', simulations=24)\n"
+        "assert found.figures['simulations'] == 24 and not found.figures['failed']\n"
         "sys.argv = ['rig', *'search tank.toml --plant tank.py:tank --flights 8'.split(), '--out', sys.argv[1]]\n"
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end\n"
         "assert 'jsbsim' not in sys.modules\nprint('done')"
