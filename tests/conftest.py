@@ -23,6 +23,7 @@ from rig.computer.redundancy.baseline_managers.baseline_settings import Baseline
 from rig.computer.redundancy.manager_config import PARAMS, SignalConfig, fill
 from rig.computer.redundancy.managers import Manager, vote_signals, with_settings
 from rig.core.frame import CHANNELS, Block, State, nested, new_block
+from rig.core.kernels import kernel
 
 FEWER = float(os.environ.get("RIG_FEWER_EXAMPLES", "1"))  # a mutation run divides the number of examples by it
 os.environ.pop("COLUMNS", None)  # workers of pytest have one: tables are as wide as in a pipe without it
@@ -154,10 +155,19 @@ def vote_samples(
     if told is not None:
         params = with_settings(params, manager, Baselines.model_validate({manager.replace("-", "_"): told}))
     stage = Manager(manager, params)
-    for k, row in enumerate(nested(block)):
-        stage.lanes[:] = 0 if lanes is None else lanes[k]
-        vote_signals(row["bus"], row["fcc"], stage.data)
+    failed = np.zeros((len(samples), CHANNELS), np.uint8)
+    failed[:] = 0 if lanes is None else lanes
+    _vote_rows(nested(block), failed, stage.data)
     return Voted(block)
+
+
+@kernel
+def _vote_rows(rows, failed, data):
+    """Vote every row; failed : (n, CHANNELS), which computers are."""
+    for k in range(len(rows)):
+        for c in range(CHANNELS):
+            data.lanes[c] = failed[k, c]
+        vote_signals(rows[k]["bus"], rows[k]["fcc"], data)
 
 
 def constant(*values: float, frames: int = 30) -> NDArray[np.float64]:

@@ -15,12 +15,12 @@ from rig.studies.benchmark.healthy_flights import isolations
 from rig.studies.benchmark.second_knobs import KNOBS, choices_of, in_words
 
 
-def biased(sigma: float = 0.01) -> Healthy:
+def biased(sigma: float = 0.01, flights: int = 10) -> Healthy:
     """Channels that differ by constants of up to 0.3 thresholds, others in each flight."""
-    healthy = white(sigma, 10, 6000)
-    biases = np.random.default_rng(3).uniform(-0.3, 0.3, (10, 4))
-    flights = [f._replace(samples=f.samples + b) for f, b in zip(healthy.flights["pitch_rate"], biases, strict=True)]
-    return healthy._replace(flights={"pitch_rate": flights})
+    healthy = white(sigma, flights, 6000)
+    biases = np.random.default_rng(3).uniform(-0.3, 0.3, (flights, 4))
+    made = [f._replace(samples=f.samples + b) for f, b in zip(healthy.flights["pitch_rate"], biases, strict=True)]
+    return healthy._replace(flights={"pitch_rate": made})
 
 
 def test_every_manager_that_isolates_by_residuals_may_learn_a_bias_and_be_tuned():
@@ -62,7 +62,7 @@ def test_each_second_setting_is_one_that_no_calibration_chooses_and_its_default_
         assert values[0] == kind.model_fields[key].default and len(values) == 3
 
 
-@pytest.mark.parametrize("name", ["cusum", "cross-voter", "window_median"])
+@pytest.mark.parametrize("name", ["cusum", "cross-voter", pytest.param("window_median", marks=pytest.mark.long)])
 def test_behind_a_learned_bias_the_same_rate_asks_for_a_lower_level(name: str):
     healthy, signal = biased(), white_signal(8)
     plain, learned = (calibrate(entrants(f"{name}{word}")[4], signal, healthy, 20.0) for word in ("", " bias"))
@@ -76,7 +76,7 @@ def test_behind_a_learned_bias_the_same_rate_asks_for_a_lower_level(name: str):
 def test_the_choice_isolates_most_injected_faults_and_a_note_names_it():
     """Constants are thirty times the noise: a bias is learned."""
     (tuned,) = entrants("cusum tuned")[4:]
-    healthy, signal = biased(), white_signal(8)
+    healthy, signal = biased(flights=5), white_signal(8)
     found = calibrate(tuned, signal, healthy, 20.0)
     assert found.values["learned_bias"] > 0.0
     assert found.notes[0].startswith("cusum tuned: pitch_rate: limit ")

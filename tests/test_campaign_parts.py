@@ -46,15 +46,22 @@ def rows(numbers: range) -> Rows:
     }
 
 
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six runs in two parts, written and not flown."""
-    (tmp_path / "c.toml").write_text(CAMPAIGN)
-    folder = Folder.of(tmp_path / "out", Plan(read(tmp_path / "c.toml"), "c.toml"))
+    place = tmp_path_factory.mktemp("written")
+    (place / "c.toml").write_text(CAMPAIGN)
+    folder = Folder.of(place / "out", Plan(read(place / "c.toml"), "c.toml"))
     with folder.held():
         for numbers in (range(3), range(3, 6)):
             folder.write(rows(numbers))
-    return folder.path
+    return place
+
+
+@pytest.fixture
+def out(written: Path, tmp_path: Path) -> Path:
+    """A copy of them, with their campaign beside it."""
+    return Path(shutil.copytree(written, tmp_path, dirs_exist_ok=True)) / "out"
 
 
 def test_whole_parts_are_all_runs_once(out: Path):

@@ -11,6 +11,7 @@ from SALib.analyze import pawn as salib
 from test_campaign_report import made
 
 from rig.core.errors import BadInput
+from rig.studies.campaign import pawn
 from rig.studies.campaign.drivers import outputs, sensitivity
 from rig.studies.campaign.folder import Folder
 from rig.studies.campaign.pawn import DUMMY, distances, indices, slices
@@ -40,7 +41,11 @@ def drawn() -> tuple[Any, Any]:
     return x, ishigami(x)
 
 
-def test_the_indices_of_ishigami_are_in_their_known_order_and_the_dummy_is_at_the_floor(drawn: Any):
+def test_the_indices_of_ishigami_are_in_their_known_order_and_the_dummy_is_at_the_floor(
+    drawn: Any, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(pawn, "RESAMPLES", 100)
+    monkeypatch.setattr(pawn, "SHUFFLES", 100)
     x, y = drawn
     found = indices({f"x{i + 1}": slices(x[:, i]) for i in range(4)}, y)
     assert [each.name for each in found[:3]] == ["x2", "x1", "x3"]
@@ -70,7 +75,8 @@ def test_equal_outputs_and_names_are_counted_exactly():
     assert distances(np.zeros(8, int), y) == pytest.approx([0.0])
 
 
-def test_the_floor_is_exceeded_by_noise_in_about_a_twentieth_of_the_cases():
+def test_the_floor_is_exceeded_by_noise_in_about_a_twentieth_of_the_cases(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(pawn, "RESAMPLES", 2)  # of the interval, which is not the floor
     rng, above = np.random.default_rng(1), 0
     for seed in range(20):
         names = rng.integers(0, 3, 200)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import constant, vote_samples
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rig.bench.vote_rows import vote
@@ -73,11 +73,25 @@ def test_no_sample_fails_a_channel_after_the_persistence_and_the_vote_stands(bas
     assert (out.voted == 1.0).all() and out.level[-1] == 0
 
 
+BURSTS = st.tuples(st.integers(0, 3), st.sampled_from([1, 3, 7]), st.sampled_from([10.0, -100.0]), st.integers(0, 9))
+
+
 @monitors
-@given(st.integers(0, 3), st.sampled_from([1, 3, 7]), st.sampled_from([10.0, -100.0]), st.integers(0, 9))
-def test_a_burst_of_less_than_the_persistence_fails_no_channel(
-    baseline: str, bad: int, frames: int, size: float, seed: int
-):
+@settings(max_examples=10)
+@given(BURSTS)
+@example((2, 7, -100.0, 0))
+def test_a_burst_of_less_than_the_persistence_fails_no_channel(baseline: str, burst: tuple[int, int, float, int]):
+    fails_no_channel(baseline, *burst)
+
+
+@pytest.mark.long
+@monitors
+@given(BURSTS)
+def test_nor_does_any_of_many_bursts(baseline: str, burst: tuple[int, int, float, int]):
+    fails_no_channel(baseline, *burst)
+
+
+def fails_no_channel(baseline: str, bad: int, frames: int, size: float, seed: int) -> None:
     for begin in (1, 120):
         samples = healthy(220, seed)
         samples[begin : begin + frames, bad] += size

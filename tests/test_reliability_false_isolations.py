@@ -19,6 +19,7 @@ from rig.studies.reliability.false_isolations import LEAST_SETS, Effort, bound, 
 
 SMALL = Effort(flights=500, excursions=3000, most_repetitions=8)
 GAUSSIAN = ISOLATIONS[0]
+LONG = [pytest.param(name, marks=pytest.mark.long) for name in ("1 sigma, no wait", "2.2 sigma, as flown")]
 
 
 def named(name: str) -> Isolation:
@@ -31,7 +32,7 @@ def test_the_exact_values_are_those_of_the_count_that_is_held_once(threshold: fl
     assert isolations(threshold) < expected
 
 
-@pytest.mark.parametrize("name", ["1 sigma, no wait", "1.5 sigma, as flown", "2.2 sigma, as flown"])
+@pytest.mark.parametrize("name", ["1.5 sigma, as flown", *LONG])
 def test_independent_noise_gives_the_exact_rate(name: str):
     case = named(name)
     found = case.obtain(effort=SMALL)
@@ -139,7 +140,11 @@ def failed_in(case: Isolation, flights: int, frames: int) -> NDArray[np.int64]:
 
 
 @pytest.mark.parametrize(
-    ("threshold", "biased", "frames"), [(0.8 * NOISE, False, 8000), (0.0046, True, 1000)], ids=["noise", "biases"]
+    ("threshold", "biased", "frames"),
+    [
+        pytest.param(0.8 * NOISE, False, 8000, id="noise", marks=pytest.mark.long),
+        pytest.param(0.0046, True, 1000, id="biases"),
+    ],
 )
 def test_splitting_gives_the_rate_of_brute_force(threshold: float, biased: bool, frames: int):
     case = Isolation("brute force", threshold, 0.0, biased, waits=True)

@@ -260,7 +260,7 @@ def test_a_trial_that_told_nothing_of_the_aircraft_gives_no_probability_of_its_l
     assert set(found.estimates) == {"undetected_error", "annunciated_loss"}
 
 
-@pytest.mark.parametrize("true", [0.002, 0.02, 0.2])
+@pytest.mark.parametrize("true", [0.02, *(pytest.param(true, marks=pytest.mark.long) for true in (0.002, 0.2))])
 def test_the_interval_holds_the_truth_in_nine_to_ninety_nine_of_a_hundred_campaigns(true: float):
     rng, held = np.random.default_rng(11), 0
     kinds = ("hardover", "drift", "offset", "stuck")

@@ -12,6 +12,7 @@ from browser import visit
 from test_reliability_result import NO_ALARMS, table
 
 from rig.core.errors import BadInput
+from rig.studies.campaign.worker import fly_batch
 from rig.studies.reliability import compute_results as module
 from rig.studies.reliability.rates_file import read_rates
 from rig.studies.reliability.tally import Cells
@@ -192,7 +193,8 @@ def test_the_plan_has_a_row_for_each_number_of_good_channels(rig_command, rates:
     assert code == 0 and [one["trials"] for one in json.loads(out)["cells"]] == [23_965_859, 35_949, 24]
 
 
-def test_the_plan_says_what_it_takes_here(rig_command, rates: Path):
+def test_the_plan_says_what_it_takes_here(rig_command, rates: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("rig.studies.campaign.estimate.fly_alone", fly_batch)  # here, not in a process of its own
     code, out, err = rig_command("reliability", "plan", "--target", "1e-9", "--rates", str(rates), "--json")
     assert code == 0, err
     cells = json.loads(out)["cells"]

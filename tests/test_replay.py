@@ -29,7 +29,16 @@ from rig.world.faults import Execution
 
 Q = INDEX["pitch_rate"]
 SHORT = ["duration_s=3", "faults.0.start_s=1"]
-SCENARIOS = sorted(path.stem for path in bundled("faults").glob("*.toml"))
+EACH_KIND = (  # one of each part of the rig that a fault or a setting reaches
+    *("f16_pitch_rate_hardover", "f16_reference_drift", "f16_split_2_2_ilm", "f16_pitch_sensor_recovers"),
+    *("f16_second_fault_at_worst_moment", "f16_lost_pitch_rate_backup", "f16_weight_on_wheels_wrong", "f16_adc"),
+    *("f16_computer_stop", "f16_link_corrupt", "f16_elevator_coil_hardover", "f16_hydraulic_loss"),
+    *("f16_stick_roll_cross_talk", "f16_data_sheet_gyros", "f16_pitch_rate_frame_skew", "b747_civil_air_data"),
+    *("b747_elevator_oscillatory_failure", "b747_engagement_toggling", "b737_pitot_icing"),
+    *("b737_wind_shear_healthy", "b707_pitch_angle_hardover", "history_xl888t"),
+)
+OTHERS = sorted({path.stem for path in bundled("faults").glob("*.toml")} - set(EACH_KIND))
+SCENARIOS = [*EACH_KIND, *(pytest.param(name, marks=pytest.mark.long) for name in OTHERS)]
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ from rig.core.trust import Trust
 from rig.scenario.aircraft import folder
 from rig.studies.campaign.folder import open_folder
 from rig.studies.campaign.tables import sha256
+from rig.studies.campaign.worker import fly_batch
 from rig.studies.safety import confirm_sets as confirm
 from rig.studies.safety.cutset_plan import NO_CODE, STUDY, Asked, plan, read_asked
 from rig.studies.safety.cutset_plan import fly as fly_sequences
@@ -136,11 +137,17 @@ def test_proper_subsets_are_of_modes_not_of_places():
     }  # fmt: skip
 
 
+CHECK = "rig.studies.safety.cutset_plan.fly_alone"  # of a condition without a fault, in a process of its own
+
+
 def small(**given: Any) -> Asked:
     return replace(ASKED, order=1, flights=2, conditions=("manoeuvre-near",), **given)
 
 
-def test_an_interrupted_enumeration_gives_the_same_tables_with_any_workers(tmp_path: Path):
+def test_an_interrupted_enumeration_gives_the_same_tables_with_any_workers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(CHECK, fly_batch)
     fly_sequences(small(), tmp_path / "out", 2)
     folder = tmp_path / "out" / "manoeuvre-near"
     whole = sha256(open_folder(folder).tables)
@@ -182,7 +189,10 @@ class Falls:
 """
 
 
-def test_sequences_that_could_not_be_flown_are_told_and_flown_again(rig_command: Any, tmp_path: Path):
+def test_sequences_that_could_not_be_flown_are_told_and_flown_again(
+    rig_command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(CHECK, fly_batch)
     (tmp_path / "falls.py").write_text(FALLS)
     asked = ("--order", "1", "--flights", "1", "--conditions", "level-settled", "--workers", "1", "--out", "out")
     for _ in range(2):
@@ -216,7 +226,7 @@ def test_a_condition_that_loses_the_signal_without_a_fault_is_refused_before_the
         ({"runs": [run], "signals": [{**signal, "lost_s": 2.5}]}, "pitch_rate is lost for 2.5 s"),
         ({"runs": [{**run, "survived": False}], "signals": [{**signal, "lost_s": 0.0}]}, "the aircraft is lost"),
     ):
-        monkeypatch.setattr("rig.studies.safety.cutset_plan.fly_alone", lambda *_, rows=rows: rows)
+        monkeypatch.setattr(CHECK, lambda *_, rows=rows: rows)
         code, _, err = rig_command("reliability", "cutsets", *asked)
         assert code == 2 and f"level-settled: {what} already without a fault, so no sequence can be" in err
     assert not (tmp_path / "out").exists()

@@ -133,7 +133,7 @@ def test_the_page_of_a_search_shows_the_worst_flight(whole: tuple[Path, Ended]):
     assert np.abs(off).max() > 1.0  # the vote is wrong, which is what was searched
 
 
-@pytest.mark.parametrize(("workers", "parts"), [(2, 1), (3, 4)])
+@pytest.mark.parametrize(("workers", "parts"), [(2, 1), pytest.param(3, 4, marks=pytest.mark.long)])
 def test_any_workers_and_interruption_give_the_same(
     whole: tuple[Path, Ended], tmp_path: Path, workers: int, parts: int
 ):
@@ -227,17 +227,29 @@ def test_what_open_loop_trials_do_not_have_is_refused(tmp_path: Path):
         run(plan(bench=True, formula="departure >= 0.2"), tmp_path / "s", workers=1)
 
 
-def test_trials_before_the_flights_say_where_the_flights_begin_and_a_cut_search_makes_them_again(tmp_path: Path):
-    asked = {"flights": 32, "trials_first": True}
-    ended = run(plan(**asked), tmp_path / "s", workers=1)
+TRIALS_FIRST = {"flights": 32, "trials_first": True}
+
+
+@pytest.fixture(scope="module")
+def after_trials(once: Any) -> tuple[Path, Ended]:
+    return once("after-trials", lambda place: (place / "s", run(plan(**TRIALS_FIRST), place / "s", workers=1)))
+
+
+def test_trials_before_the_flights_say_where_the_flights_begin(after_trials: tuple[Path, Ended]):
+    folder, ended = after_trials
     trials = ended.figures["trials"]
     assert trials["trials"] == 320 and trials["violated"] > 160 and trials["flights"] == 8
     assert trials["agree"] >= 6 and ended.flights == 32
-    runs = open_folder(tmp_path / "s").tables["runs"]
+    runs = open_folder(folder).tables["runs"]
     least = [robustness(told) for told in runs["requirements"]]
     assert np.median(least[24:32]) < np.median(least[:24])
-    again_ended = run(plan(**asked), cut(tmp_path / "s", tmp_path / "cut", 1), workers=2)
-    assert again_ended.table_sha256 == ended.table_sha256 and again_ended.figures["trials"] == trials
+
+
+@pytest.mark.long
+def test_a_cut_search_makes_the_trials_before_its_flights_again(after_trials: tuple[Path, Ended], tmp_path: Path):
+    folder, ended = after_trials
+    again_ended = run(plan(**TRIALS_FIRST), cut(folder, tmp_path / "cut", 1), workers=2)
+    assert again_ended.table_sha256 == ended.table_sha256 and again_ended.figures["trials"] == ended.figures["trials"]
 
 
 def test_a_search_of_another_version_of_the_forest_is_refused(

@@ -125,7 +125,10 @@ def test_sums_find_what_the_noise_hides_and_the_budget_holds():
     assert after.correct >= 45 and before.correct == 0
 
 
-def designed(slow_tests: SlowTests | None, grid: Grid = GRID, given: RecordedSignal = GIVEN) -> Signal:
+FOUR = replace(GRID, levels=(4,))
+
+
+def designed(slow_tests: SlowTests | None, grid: Grid = FOUR, given: RecordedSignal = GIVEN) -> Signal:
     """The design of flights whose channels differ by up to 4 noises, with tests of these figures or without."""
     flights = [flight(k, 4.0) for k in range(20)]
     figures = {} if slow_tests is None else {"x": slow_tests}
