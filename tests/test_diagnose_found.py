@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def flight(name: str = "gyro", count: int = 3, seed: int = 21, rate_hz: float = 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
 @pytest.mark.parametrize("name", UNITS)
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))])
 def test_no_channel_of_a_healthy_flight_departs(seed: int, name: str, count: int):
     several: tuple[dict[str, Any], ...] = (
         {},
@@ -60,8 +61,9 @@ def test_no_channel_of_a_healthy_flight_departs(seed: int, name: str, count: int
 @pytest.mark.parametrize("count", [3, 4])
 @pytest.mark.parametrize(("name", "size"), [("gyro", 0.5), ("accel", 5.0)])
 def test_a_step_in_one_of_several_is_named_with_its_time_and_size(name: str, size: float, count: int):
+    made = flight(name, count)
     for c in range(count):
-        found = diagnosed(changed(flight(name, count), c, put_step(1, size)))
+        found = diagnosed(changed(made, c, put_step(1, size)))
         one = found.signals[f"{name}_y"]
         assert (one.verdict, one.channel, one.instance) == ("channel", c + 1, f"imu{c}")
         assert one.since_s == pytest.approx(24.0, abs=0.5)
@@ -187,14 +189,15 @@ def test_a_short_recording_is_unknown():
 
 
 @pytest.mark.skipif(not FLIGHTS, reason="the recorded flights are not here")
-def test_no_channel_of_the_recorded_flights_departs():
+@pytest.mark.parametrize("most", [1, pytest.param(None, marks=pytest.mark.long)], ids=["one of each", "all"])
+def test_no_channel_of_the_recorded_flights_departs(most: int | None):
     count = 0
     for folder in FLIGHTS:
-        for group in recorded(folder):
+        for group in islice(recorded(folder), most and 2 * most):  # two quantities a flight
             for channels in ((0, 1, 2, 3), (0, 1)):
                 assert verdicts(diagnosed(some(group, channels))) == {"none"}
             count += 1
-    assert count == 36
+    assert count == (2 * most * len(FLIGHTS) if most else 36)
 
 
 @pytest.mark.skipif(not PX4_LOGS.is_dir(), reason="the recorded PX4 logs are not here")
