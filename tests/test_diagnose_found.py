@@ -93,7 +93,7 @@ def test_a_frozen_axis_is_named_and_the_others_are_not():
 
 
 @pytest.mark.parametrize("what", AXES)
-@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("name", ["gyro", pytest.param("accel", marks=pytest.mark.long)])
 def test_other_axes_are_told_and_taken_off_and_a_fault_beside_them_is_found(name: str, what: str):
     made = changed(flight(name), 1, AXES[what])
     (one,) = [one for one in diagnosed(made).conventions if one.kind in ("axes", "mounting")]

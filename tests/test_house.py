@@ -4,6 +4,7 @@ import ast
 import re
 import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -35,12 +36,21 @@ class Parsed(NamedTuple):
     imported: set[str]
 
 
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements below a node."""
+    for name in ("body", "orelse", "handlers", "finalbody", "cases"):
+        of = getattr(node, name, ())
+        for each in of if isinstance(of, list) else ():  # not the parts of an expression
+            yield each
+            yield from statements(each)
+
+
 @cache
 def parsed() -> Parsed:
     """Read all sources once; no node is kept, which every later garbage collection would visit."""
     found = Parsed({}, set())
     for path in SOURCES:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in statements(ast.parse(path.read_text())):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 found.functions[f"{path}:{node.name}"] = (node.end_lineno or 0) - node.lineno + 1
             elif isinstance(node, ast.Import):

@@ -83,7 +83,7 @@ def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tupl
 
 
 @outside.needs("vulkan")
-@pytest.mark.parametrize("logs", [1, 2])
+@pytest.mark.parametrize("logs", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path, Path], logs: int) -> None:
     opened = read(flights[:logs])
     with as_file(opened) as rrd, headless() as connect:
