@@ -233,7 +233,8 @@ def scores(log: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[An
 @pytest.mark.parametrize(
     ("reader", "name"),
     [
-        *((scores, "both"), (reports, "both"), (exports, "both"), (replays, "random")),
+        *((scores, "both"), (exports, "both"), (replays, "random")),
+        pytest.param(reports, "both", marks=pytest.mark.long),
         pytest.param(exports_of_all_kinds, "both", marks=pytest.mark.long),
     ],
 )

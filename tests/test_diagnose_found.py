@@ -42,7 +42,7 @@ def flight(name: str = "gyro", count: int = 3, seed: int = 21, rate_hz: float = 
     return group_of(flown(Kind(seed=seed, rate_hz=rate_hz, count=count, **more)), name)
 
 
-@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.long), 4])
 @pytest.mark.parametrize("name", UNITS)
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))])
 def test_no_channel_of_a_healthy_flight_departs(seed: int, name: str, count: int):
@@ -58,7 +58,7 @@ def test_no_channel_of_a_healthy_flight_departs(seed: int, name: str, count: int
         assert all((one.in_thresholds or 0.0) < 1.0 for one in found.signals.values())
 
 
-@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("count", [3, pytest.param(4, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("name", "size"), [("gyro", 0.5), ("accel", 5.0)])
 def test_a_step_in_one_of_several_is_named_with_its_time_and_size(name: str, size: float, count: int):
     made = flight(name, count)
