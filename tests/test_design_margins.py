@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import cast
 
-import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -128,6 +127,8 @@ def turns_about_zero(curve: NDArray[np.complex128]) -> int:
 @pytest.mark.parametrize("change", ["none", "double", "half", "late"])
 def test_the_pitch_rate_loop_written_down_by_hand_is_stable(name: str, point: str, change: str) -> None:
     """Continuous, with Pade delays, by python-control: none of our loop code takes part."""
+    import control  # half a second
+
     config, _, linear, whole, gain = designed(name, point)
     a, b = linear.longitudinal_a[1:3, 1:3], linear.longitudinal_b[1:3, :1]
     airframe_model = control.ss(a, b, np.eye(2), np.zeros((2, 1)))
