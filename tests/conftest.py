@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import gc
 import os
 import pickle
 import shutil
@@ -39,6 +40,11 @@ def pytest_xdist_auto_num_workers() -> Iterator[None]:
     outcome: Any = yield
     if "PYTEST_XDIST_AUTO_NUM_WORKERS" not in os.environ:
         outcome.force_result(outcome.get_result() + 1)
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and collected tests out of every later garbage collection: they stay until the end."""
+    gc.freeze()
 
 
 @dataclass(frozen=True)

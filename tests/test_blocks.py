@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -90,7 +90,9 @@ def given(name: str) -> Scenario:
     return scenario.load(base, [*sets, "duration_s=1.5"])
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize(
+    "name", ["both", "random", *(pytest.param(name, marks=pytest.mark.long) for name in ("servos", "computers"))]
+)
 def test_a_flight_has_one_digest_paced_or_not_logged_or_not_in_blocks_of_any_length(name: str, tmp_path: Path):
     digests = dict(ways(given(name), tmp_path))
     assert len(digests) > 10 and len(set(digests.values())) == 1, digests
@@ -192,7 +194,15 @@ def reports(log: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[b
 
 
 def exports(log: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[bytes]:
-    for to, for_vote in product(("csv", "parquet", "npz"), (True, False)):
+    yield from exported(log, out, [("csv", True), ("parquet", False), ("npz", False)])
+
+
+def exports_of_all_kinds(log: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[bytes]:
+    yield from exported(log, out, product(("csv", "parquet", "npz"), (True, False)))
+
+
+def exported(log: Path, out: Path, kinds: Iterable[tuple[Any, bool]]) -> Iterator[bytes]:
+    for to, for_vote in kinds:
         made = set[bytes]()
         for source in (log, read_log(log)):
             assert export(source, to, out / f"log.{to}", for_vote=for_vote).rows == 150
@@ -221,7 +231,12 @@ def scores(log: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[An
 
 
 @pytest.mark.parametrize(
-    ("reader", "name"), [(scores, "both"), (reports, "both"), (exports, "both"), (replays, "random")]
+    ("reader", "name"),
+    [
+        *((scores, "both"), (exports, "both"), (replays, "random")),
+        pytest.param(reports, "both", marks=pytest.mark.long),
+        pytest.param(exports_of_all_kinds, "both", marks=pytest.mark.long),
+    ],
 )
 def test_a_log_read_in_small_blocks_says_the_same(
     reader: Callable[..., Iterator[Any]], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -27,8 +27,10 @@ from rig.world.plant.jsbsim import Plant
 
 AIRCRAFT = Path(__file__).parent.parent / "aircraft"
 NAMES = ("f16", "b747", "b737")
-POINTS = [
-    (name, point.name) for name in NAMES for point in airframe.read(AIRCRAFT / name / "aircraft.toml").flight_points
+POINTS = [  # the first of each aircraft in the quick tests
+    pytest.param(name, point.name, marks=[pytest.mark.long] if i else [])
+    for name in NAMES
+    for i, point in enumerate(airframe.read(AIRCRAFT / name / "aircraft.toml").flight_points)
 ]
 RATE_HZ = 100.0
 DEGREE = np.pi / 180
@@ -96,7 +98,7 @@ def heading_change(block: Block) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(("name", "point"), POINTS)
-@pytest.mark.parametrize("errors", [1, 2])
+@pytest.mark.parametrize("errors", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_turbulence_and_biased_sensors_leave_altitude_and_heading_held(name: str, point: str, errors: int) -> None:
     block = fly(name, point, 60.0, turbulence="moderate", errors=errors)
     altitude = flight(block, "altitude_m")
@@ -131,7 +133,7 @@ def test_pitch_attitude_step_is_well_damped(name: str, point: str) -> None:
     assert np.max(np.abs(pitch[1500:] - 5.0 * DEGREE)) < 0.5 * DEGREE
 
 
-@pytest.mark.parametrize(("name", "point"), [x for x in POINTS if x[0] == "f16"])
+@pytest.mark.parametrize(("name", "point"), [x for x in POINTS if x.values[0] == "f16"])
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_unstable_fighter_flies_on_with_half_and_with_twice_the_elevator(
     name: str, point: str, factor: float

@@ -163,8 +163,16 @@ FLOWN = [
 ]
 
 
+# One loss of each kind and law is flown by the quick tests.
+OFTEN = (RATES, ATTITUDE, ("static_pressure", "dynamic_pressure"), ("pitch_rate", *ATTITUDE))
+
+
 @pytest.mark.parametrize("name", ["f16", "b747"])
-@pytest.mark.parametrize(("lost", "law", "altitude"), FLOWN, ids=lambda x: "+".join(x) if isinstance(x, tuple) else "")
+@pytest.mark.parametrize(
+    ("lost", "law", "altitude"),
+    [pytest.param(*case, marks=[] if case[0] in OFTEN else [pytest.mark.long]) for case in FLOWN],
+    ids=lambda x: "+".join(x) if isinstance(x, tuple) else "",
+)
 def test_the_aircraft_flies_on_without(name: str, lost: tuple[str, ...], law: Law, altitude: float) -> None:
     block = fly(name, lost)
     assert block["law"][-1] == law
@@ -174,7 +182,9 @@ def test_the_aircraft_flies_on_without(name: str, lost: tuple[str, ...], law: La
     assert np.max(np.abs(truth(block, "roll_angle")[LOSS:])) < 15.0 * DEGREE
 
 
-@pytest.mark.parametrize("point", ["30000ft_m05", "20000ft_m08", "10000ft_m08"])
+@pytest.mark.parametrize(
+    "point", ["30000ft_m05", *(pytest.param(p, marks=pytest.mark.long) for p in ("20000ft_m08", "10000ft_m08"))]
+)
 @pytest.mark.parametrize(
     "lost", [("pitch_rate",), ("pitch_rate", *ATTITUDE), ("pitch_rate", *ATTITUDE, "normal_load_factor")]
 )

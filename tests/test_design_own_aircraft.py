@@ -82,7 +82,13 @@ def test_a_governed_propeller_turns_at_seven_tenths_of_its_way_from_least_to_mos
 
 
 # A trainer, a warbird, a tail-dragger, thrust vectoring, an airliner with afterburners, turboprops, two jets.
-FLOWN = ("c172p", "pa28", "p51d", "dr1", "f22", "Concorde", "pc7", "pogo-jsbsim", "T38", "t6texan2")
+FLOWN = [
+    *("c172p", "f22", "T38"),
+    *(
+        pytest.param(base, marks=pytest.mark.long)
+        for base in ("pa28", "p51d", "dr1", "Concorde", "pc7", "pogo-jsbsim", "t6texan2")
+    ),
+]
 
 
 @pytest.mark.parametrize("base", FLOWN)
@@ -100,7 +106,7 @@ def test_a_model_of_every_kind_trims_by_default_and_flies_level_hands_off(base: 
     ("base", "says"),
     [
         ("X15", r"throttle at its stop in (\d+) of \1 points \(.*Mach .*\); try .* --point ALTITUDE_M:MACH"),
-        ("C130", r"throttle at its stop in (\d+) of \1 points"),
+        pytest.param("C130", r"throttle at its stop in (\d+) of \1 points", marks=pytest.mark.long),
         ("x24b", r"stall: angle of attack at its limit in \d+ of \d+ points"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +42,9 @@ def flight(name: str = "gyro", count: int = 3, seed: int = 21, rate_hz: float = 
     return group_of(flown(Kind(seed=seed, rate_hz=rate_hz, count=count, **more)), name)
 
 
-@pytest.mark.parametrize("count", [2, 3, 4])
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.long), 4])
 @pytest.mark.parametrize("name", UNITS)
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))])
 def test_no_channel_of_a_healthy_flight_departs(seed: int, name: str, count: int):
     several: tuple[dict[str, Any], ...] = (
         {},
@@ -57,11 +58,12 @@ def test_no_channel_of_a_healthy_flight_departs(seed: int, name: str, count: int
         assert all((one.in_thresholds or 0.0) < 1.0 for one in found.signals.values())
 
 
-@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("count", [3, pytest.param(4, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("name", "size"), [("gyro", 0.5), ("accel", 5.0)])
 def test_a_step_in_one_of_several_is_named_with_its_time_and_size(name: str, size: float, count: int):
+    made = flight(name, count)
     for c in range(count):
-        found = diagnosed(changed(flight(name, count), c, put_step(1, size)))
+        found = diagnosed(changed(made, c, put_step(1, size)))
         one = found.signals[f"{name}_y"]
         assert (one.verdict, one.channel, one.instance) == ("channel", c + 1, f"imu{c}")
         assert one.since_s == pytest.approx(24.0, abs=0.5)
@@ -91,7 +93,7 @@ def test_a_frozen_axis_is_named_and_the_others_are_not():
 
 
 @pytest.mark.parametrize("what", AXES)
-@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("name", ["gyro", pytest.param("accel", marks=pytest.mark.long)])
 def test_other_axes_are_told_and_taken_off_and_a_fault_beside_them_is_found(name: str, what: str):
     made = changed(flight(name), 1, AXES[what])
     (one,) = [one for one in diagnosed(made).conventions if one.kind in ("axes", "mounting")]
@@ -187,14 +189,15 @@ def test_a_short_recording_is_unknown():
 
 
 @pytest.mark.skipif(not FLIGHTS, reason="the recorded flights are not here")
-def test_no_channel_of_the_recorded_flights_departs():
+@pytest.mark.parametrize("most", [1, pytest.param(None, marks=pytest.mark.long)], ids=["one of each", "all"])
+def test_no_channel_of_the_recorded_flights_departs(most: int | None):
     count = 0
     for folder in FLIGHTS:
-        for group in recorded(folder):
+        for group in islice(recorded(folder), most and 2 * most):  # two quantities a flight
             for channels in ((0, 1, 2, 3), (0, 1)):
                 assert verdicts(diagnosed(some(group, channels))) == {"none"}
             count += 1
-    assert count == 36
+    assert count == (2 * most * len(FLIGHTS) if most else 36)
 
 
 @pytest.mark.skipif(not PX4_LOGS.is_dir(), reason="the recorded PX4 logs are not here")

@@ -1,12 +1,13 @@
 """The pictures of the pages have what the pages promise: colours, titles."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pictures
 import pytest
-from figures import photographs
+from figures import gallery, photographs
 from PIL import Image
 
 from rig.show.viewer.style import CHANNEL_COLORS, FAILED, REFERENCE
@@ -29,8 +30,20 @@ def test_the_actuators_have_the_colours_that_the_page_names():
         assert (np.abs(picture - np.array(colour)).max(axis=-1) <= tolerance).sum() > 50, colour
 
 
-def test_the_drawings_are_what_the_tool_writes():
-    drawn = pictures.pictures()
+def some(folder: Path) -> dict[str, str]:
+    """The drawings of one flight, of a decision, of a servo and of a coil's current."""
+    flights = pictures.flown()
+    drawn = {"architecture": pictures.architecture(flights), "fault": pictures.fault(flights)}
+    drawn |= {"decision": pictures.decision(), "servo": pictures.servo()}
+    (coil,) = (case for case in gallery.CASES if case.shows == "current")
+    return {
+        f"{name}.svg": text for name, text in {**drawn, f"gallery/{coil.name}": gallery.drawn(coil, folder)}.items()
+    }
+
+
+@pytest.mark.parametrize("which", [some, pytest.param(lambda _: pictures.pictures(), marks=pytest.mark.long, id="all")])
+def test_the_drawings_are_what_the_tool_writes(which: Callable[[Path], dict[str, str]], tmp_path: Path):
+    drawn = which(tmp_path)
     assert {name: (PICTURES / name).read_text() for name in drawn} == drawn
 
 

@@ -84,7 +84,9 @@ class Flight:
         return int(self.state[0]["rates"])
 
 
-@pytest.mark.parametrize("bias", [-0.05, -0.01, 0.003, 0.02])
+@pytest.mark.parametrize(
+    "bias", [-0.05, 0.003, *(pytest.param(bias, marks=pytest.mark.long) for bias in (-0.01, 0.02))]
+)
 def test_a_biased_gyro_is_the_answer_and_the_sensor_flies_on(bias: float):
     flight = Flight()
     flight.gyro = bias
@@ -121,7 +123,7 @@ def test_a_trip_by_a_difference_that_is_as_good_as_none_is_not_reported():
 
 
 @pytest.mark.parametrize("offset", [-0.02, 0.005])
-@pytest.mark.parametrize("bank", [0.0, 0.5])
+@pytest.mark.parametrize("bank", [pytest.param(0.0, marks=pytest.mark.long), 0.5])
 def test_a_sensor_that_jumps_is_found_in_two_frames_all_the_same(offset: float, bank: float):
     flight = Flight(bank)
     flight.sensor = offset
@@ -188,7 +190,9 @@ def test_a_unit_that_is_lost_while_it_drives_the_filter_leaves_the_bias_as_drift
 
 
 @pytest.mark.requirement("fault-tolerant", "a bank angle that is wrong by little")
-@pytest.mark.parametrize(("bank", "factor"), [(0.5, 0.5), (0.28, 1.13), (-0.28, 0.87)])
+@pytest.mark.parametrize(
+    ("bank", "factor"), [(0.5, 0.5), pytest.param(0.28, 1.13, marks=pytest.mark.long), (-0.28, 0.87)]
+)
 def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault(bank: float, factor: float):
     """By a little, too: 36 mrad is no more than the unit's bank angle may be off by."""
     flight, isolated = Flight(bank), set()
@@ -218,7 +222,7 @@ UNIT_OFF = [(-0.0017, 0.012), (0.0017, -0.012)]  # the unit's bank angle is off 
 
 @pytest.mark.requirement("fault-tolerant", "the unit's usual error costs no ramp in a turn")
 @pytest.mark.parametrize("unit_off", UNIT_OFF)
-@pytest.mark.parametrize("rate", [-0.001, 0.001])
+@pytest.mark.parametrize("rate", [-0.001, pytest.param(0.001, marks=pytest.mark.long)])
 def test_a_ramp_in_a_turn_is_found_as_early_as_without_a_unit_whose_bank_angle_is_off(
     unit_off: tuple[float, float], rate: float
 ):
@@ -240,7 +244,7 @@ def test_a_ramp_in_a_turn_is_found_as_early_as_without_a_unit_whose_bank_angle_i
 
 @pytest.mark.requirement("fault-tolerant", "a bank angle that is wrong by little")
 @pytest.mark.parametrize("unit_off", UNIT_OFF)
-@pytest.mark.parametrize("factor", [0.95, 1.05])
+@pytest.mark.parametrize("factor", [0.95, pytest.param(1.05, marks=pytest.mark.long)])
 def test_a_bank_angle_that_is_wrong_in_a_turn_is_no_sensor_fault_beside_a_unit_that_is_off(
     unit_off: tuple[float, float], factor: float
 ):

@@ -1,4 +1,5 @@
 import hashlib
+from functools import cache
 
 import numpy as np
 import pytest
@@ -39,10 +40,13 @@ def beside(parts: RowParts) -> Block:
     return second
 
 
+besides = cache(beside)  # never written
+
+
 @pytest.mark.parametrize("parts", PARTS)
 @given(cuts=st.sets(st.integers(1, 199)))
 def test_the_digest_of_rows_and_lanes_is_that_of_both_however_they_come(parts: RowParts, cuts: set[int]):
-    block, second, verdict = flown(), beside(parts), Verdict()
+    block, second, verdict = flown(), besides(parts), Verdict()
     for first, last in zip([0, *sorted(cuts)], [*sorted(cuts), 200], strict=True):
         verdict.add(Table(block[first:last], second[first:last]), [])
     both = hashlib.sha256(block.tobytes()).digest() + hashlib.sha256(second.tobytes()).digest()

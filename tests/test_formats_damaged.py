@@ -83,10 +83,14 @@ def outcome(path: Path) -> str:
 
 
 @pytest.mark.parametrize(
-    "ending", ["ulg", "BIN", "mcap", *(pytest.param(e, marks=pytest.mark.long) for e in ("db3", "mf4"))]
+    ("ending", "copies"),
+    [
+        *((ending, COPIES // 5) for ending in ("ulg", "BIN", "mcap")),
+        *(pytest.param(ending, COPIES, marks=pytest.mark.long) for ending in ("ulg", "BIN", "mcap", "db3", "mf4")),
+    ],
 )
 def test_every_damaged_copy_is_read_in_part_or_refused_in_one_line(
-    ending: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ending: str, copies: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     data = SOUND[ending](tmp_path)
     path = tmp_path / f"x.{ending}"
@@ -95,7 +99,7 @@ def test_every_damaged_copy_is_read_in_part_or_refused_in_one_line(
     capfd.readouterr()
     tracemalloc.start()
     found = []
-    for number in range(COPIES):
+    for number in range(copies):
         path.write_bytes(damaged(data, number))
         found.append(outcome(path))
     _, peak = tracemalloc.get_traced_memory()
@@ -105,31 +109,34 @@ def test_every_damaged_copy_is_read_in_part_or_refused_in_one_line(
     assert capfd.readouterr() == ("", "")
     assert {"refused", "part"} & set(found)
     if ending in ("ulg", "BIN"):
-        assert found.count("part") > 0.6 * COPIES
+        assert found.count("part") > 0.6 * copies
 
 
 @pytest.mark.skipif(not PX4_LOGS.is_dir(), reason="the recorded PX4 logs are not here")
-def test_damaged_copies_of_a_real_log_keep_most_of_their_rows(tmp_path: Path):
+@pytest.mark.parametrize("copies", [COPIES // 5, pytest.param(COPIES, marks=pytest.mark.long)])
+def test_damaged_copies_of_a_real_log_keep_most_of_their_rows(copies: int, tmp_path: Path):
     data = (PX4_LOGS / "motor_failure.ulg").read_bytes()
     path = tmp_path / "x.ulg"
     path.write_bytes(data)
     whole = open_log(path)
     assert whole is not None
     rows = sum(topic.rows for topic in whole.contents.topics)
-    for number in range(1, COPIES, 5):
+    for number in range(1, copies, 5):
         path.write_bytes(data[:30_000] + damaged(data[30_000:], number))
         log = open_log(path)
         assert log is not None
         assert sum(topic.rows for topic in log.contents.topics) > 0.8 * rows
 
 
+@pytest.mark.parametrize("megabytes", [2, pytest.param(8, marks=pytest.mark.long)])
 @pytest.mark.parametrize("ending", ["ulg", "BIN"])
-def test_megabytes_of_zeros_or_noise_are_passed(ending: str, tmp_path: Path):
+def test_megabytes_of_zeros_or_noise_are_passed(ending: str, megabytes: int, tmp_path: Path):
     data = SOUND[ending](tmp_path)
     place = len(data) // 2
-    noise = np.random.default_rng(0).integers(0, 256, 8 << 20, np.uint8).tobytes()
+    size = megabytes << 20
+    noise = np.random.default_rng(0).integers(0, 256, size, np.uint8).tobytes()
     path = tmp_path / f"x.{ending}"
-    for junk in (bytes(8 << 20), noise, b"\xa3\x95\x80" * (1 << 20), b"\x01\x00D" * (1 << 20)):
+    for junk in (bytes(size), noise, b"\xa3\x95\x80" * (size >> 3), b"\x01\x00D" * (size >> 3)):
         path.write_bytes(data[:place] + junk + data[place:])
         log = open_log(path)
         assert log is not None

@@ -76,7 +76,7 @@ def test_without_the_library_one_line_names_what_to_install(tmp_path: Path, monk
         open_log(tmp_path / "x.mf4")
 
 
-@pytest.mark.parametrize("kept", [8, 63, 64, 200, 2000])
+@pytest.mark.parametrize("kept", [8, 64, 2000, *(pytest.param(kept, marks=pytest.mark.long) for kept in (63, 200))])
 def test_a_cut_file_is_refused_in_one_line_and_nothing_is_printed(
     tmp_path: Path, kept: int, capfd: pytest.CaptureFixture
 ):

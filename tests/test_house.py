@@ -4,10 +4,11 @@ import ast
 import re
 import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import grimp
 import pytest
@@ -28,20 +29,41 @@ WORDS = (
 )
 
 
+class Parsed(NamedTuple):
+    """The lines of each function of all sources by its file and name, and the packages that are imported."""
+
+    functions: dict[str, int]
+    imported: set[str]
+
+
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements below a node."""
+    for name in ("body", "orelse", "handlers", "finalbody", "cases"):
+        of = getattr(node, name, ())
+        for each in of if isinstance(of, list) else ():  # not the parts of an expression
+            yield each
+            yield from statements(each)
+
+
 @cache
-def nodes() -> list[tuple[Path, ast.AST]]:
-    """All nodes of all sources."""
-    return [(path, node) for path in SOURCES for node in ast.walk(ast.parse(path.read_text()))]
+def parsed() -> Parsed:
+    """Read all sources once; no node is kept, which every later garbage collection would visit."""
+    found = Parsed({}, set())
+    for path in SOURCES:
+        for node in statements(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                found.functions[f"{path}:{node.name}"] = (node.end_lineno or 0) - node.lineno + 1
+            elif isinstance(node, ast.Import):
+                found.imported.update(alias.name.partition(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                found.imported.add(node.module.partition(".")[0])
+    return found
 
 
 def test_no_file_and_no_function_is_too_long():
     files = {str(path): len(path.read_text().splitlines()) for path in SOURCES}
     assert {name: lines for name, lines in files.items() if lines > LONGEST_FILE} == {}
-    functions = {
-        f"{path}:{node.name}": (node.end_lineno or 0) - node.lineno + 1
-        for path, node in nodes()
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-    }
+    functions = parsed().functions
     assert len(functions) > 1000
     assert {name: lines for name, lines in functions.items() if lines > LONGEST_FUNCTION} == {}
 
@@ -192,14 +214,8 @@ def test_no_room_has_a_circle_inside():
 
 def test_every_package_that_is_needed_at_run_time_is_imported():
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
-    imported: set[str] = set()
-    for _, node in nodes():
-        if isinstance(node, ast.Import):
-            imported |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            imported.add(node.module.partition(".")[0])
     providers = packages_distributions()
-    used = {name.lower().replace("_", "-") for module in imported for name in providers.get(module, [])}
+    used = {name.lower().replace("_", "-") for module in parsed().imported for name in providers.get(module, [])}
     assert {re.split("[>=<~!]", name)[0] for name in needed} - used == set()
 
 

@@ -83,7 +83,11 @@ READMITTED = [
 
 @pytest.mark.parametrize(
     ("name", "sets"),
-    [*((name, []) for name in LANES_FAIL), (None, READMITTED), (None, ["computers.count=4", "computers.output=own"])],
+    [
+        *(pytest.param(name, [], marks=[pytest.mark.long] if i % 4 else []) for i, name in enumerate(LANES_FAIL)),
+        (None, READMITTED),
+        (None, ["computers.count=4", "computers.output=own"]),
+    ],
 )
 def test_one_lane_thinks_for_all_that_are_alike_and_every_bit_is_as_if_each_did(name: str | None, sets: list[str]):
     """Rows, and all records of the lanes, until they are parted and after."""

@@ -97,6 +97,7 @@ def test_a_cut_log_gives_its_servos_back_whole(log: Path, tmp_path: Path):
     assert verify(recorded(tmp_path / "b.mcap")).comparison.identical
 
 
+@pytest.mark.long
 def test_a_flight_that_is_killed_leaves_its_servos_whole_up_to_a_second(tmp_path: Path):
     sets = [part for text in given((HARDOVER,), seconds=120.0) for part in ("--set", text)]
     command = [sys.executable, "-m", "rig", "fly", *sets, "--realtime-factor", "4", "--out", str(tmp_path / "logs")]

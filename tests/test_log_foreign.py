@@ -63,7 +63,7 @@ def test_every_structure_holds_the_same_messages(name: str, plain: Path, tmp_pat
 
 
 @pytest.mark.parametrize("name", STRUCTURES)
-@pytest.mark.parametrize("share", [0.3, 0.7, 0.97])
+@pytest.mark.parametrize("share", [0.7, *(pytest.param(share, marks=pytest.mark.long) for share in (0.3, 0.97))])
 def test_a_cut_file_is_read_as_far_as_it_goes_and_what_is_left_out_is_told(
     share: float, name: str, plain: Path, tmp_path: Path
 ):
@@ -218,7 +218,9 @@ NAMES: dict[str, tuple[Any, str, float]] = {
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("topic", ["/imu", "imu:left", "a:b:c", "/x.y", '"q"'])
+@pytest.mark.parametrize(
+    "topic", ["/imu", "a:b:c", *(pytest.param(topic, marks=pytest.mark.long) for topic in ("imu:left", "/x.y", '"q"'))]
+)
 def test_fields_and_topics_of_any_name_are_named(topic: str, name: str, tmp_path: Path):
     body, field, value = NAMES[name]
     write_json(tmp_path / "a.mcap", lambda *_: body, {}, [topic, "imu"])

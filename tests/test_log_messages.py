@@ -49,9 +49,9 @@ def compressed(data: bytes) -> bytes:
 
 
 def lz4_zeros(count: int) -> bytes:
-    packer = lz4.frame.LZ4FrameCompressor()
-    block = bytes(1 << 24)
-    return packer.begin() + b"".join(packer.compress(block) for _ in range(count >> 24)) + packer.flush()
+    packer = lz4.frame.LZ4FrameCompressor(block_linked=False, auto_flush=True)
+    head, block = packer.begin(), packer.compress(bytes(1 << 24))  # blocks stand alone: one is written many times
+    return head + block * (count >> 24) + packer.flush()
 
 
 BOMBS: dict[str, tuple[list[Chunk], str]] = {

@@ -51,13 +51,18 @@ def assert_equal(path: Path, whole: Path) -> None:
     assert LogFile.open(path).complete == LogFile.open(whole).complete
 
 
-@pytest.mark.parametrize("name", STRUCTURES)
+OFTEN = ("no summary", "lz4", "messages beside chunks", "out of order", "channels numbered anew", "with checksums")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in OFTEN else [pytest.mark.long]) for name in STRUCTURES]
+)
 def test_every_structure_holds_the_same_flight(name: str, flown: Path, tmp_path: Path):
     write_again(flown, tmp_path / "b.mcap", STRUCTURES[name])
     assert_equal(tmp_path / "b.mcap", flown)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 6))])
 def test_structures_drawn_by_lot_hold_the_same_flight(seed: int, flown: Path, tmp_path: Path):
     rng = np.random.default_rng(seed)
 
@@ -110,7 +115,7 @@ def test_a_cut_is_told_and_the_frames_before_it_are_recovered(how: Structure, fl
 
 
 @pytest.mark.parametrize("how", [Structure(crcs=True), Structure(crcs=True, chunk_messages=0)])
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", [0, 3, *(pytest.param(number, marks=pytest.mark.long) for number in (1, 2, 4))])
 def test_with_checksums_any_flipped_bit_is_noticed(number: int, how: Structure, flown: Path, tmp_path: Path):
     path = tmp_path / "b.mcap"
     write_again(flown, path, how)

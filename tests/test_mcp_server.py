@@ -8,6 +8,8 @@ import subprocess
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,7 @@ from rig.core.text import LONGEST_LINE
 from rig.log import read_log
 
 anyio: Any = pytest.importorskip("anyio")
-mcp: Any = pytest.importorskip("mcp")
-from rig.cli.mcp_server import _Reached  # noqa: E402 # imports what may be absent
+pytestmark = pytest.mark.skipif(find_spec("mcp") is None, reason="the SDK is not installed")
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "how-to" / "let-an-agent-fly.md"
@@ -30,12 +31,17 @@ CODE = "from pathlib import Path\nPath(__file__).with_name('mark').touch()\nclas
 SHORT = {"duration_s": 3, "faults.0.start_s": 1}
 
 
+def sdk() -> Any:
+    """The SDK, which takes half a second to be imported: not by every worker that collects the tests."""
+    return import_module("mcp")
+
+
 @asynccontextmanager
 async def server(folder: Path, *options: str) -> AsyncIterator[Any]:
     """A client of ``rig mcp --out folder/agent``."""
     words = ["-m", "rig", "mcp", "--out", str(folder / "agent"), *options]
-    started = mcp.StdioServerParameters(command=sys.executable, args=words, env=dict(os.environ), cwd=str(folder))
-    async with mcp.Client(started) as client:
+    started = sdk().StdioServerParameters(command=sys.executable, args=words, env=dict(os.environ), cwd=str(folder))
+    async with sdk().Client(started) as client:
         yield client
 
 
@@ -56,6 +62,8 @@ def process(folder: Path) -> psutil.Process:
 
 
 def test_progress_is_one_number_that_rises():
+    from rig.cli.mcp_server import _Reached  # imports what may be absent
+
     reached = _Reached()
     steps = [("a", 0, 0), ("a", 1, 4), ("a", 4, 4), ("b", 9, 3), ("b", 1, 2), ("c", 0, 0), ("a", 1, 2)]
     values = [reached.after(*step) for step in steps]
@@ -338,7 +346,7 @@ def test_no_call_is_left_when_the_server_is_gone(tmp_path: Path, how: str):
                 flying.set()
 
         async def fly() -> None:
-            with pytest.raises(mcp.MCPError):  # the connection is closed
+            with pytest.raises(sdk().MCPError):  # the connection is closed
                 await client.call_tool("fly", long, progress_callback=heard)
 
         async with anyio.create_task_group() as tasks:

@@ -114,8 +114,8 @@ def test_the_table_counts_with_exact_intervals_and_names_the_worst_first():
     ("case", "faults"),
     [
         (of_grid("f16", "moderate", 5.0, 2), (7, 9)),
-        (of_grid("b747", "light", 10.0, 2), (2, 6)),
-        (of_grid("b737", "none", 10.0, 2), (1, 11)),
+        pytest.param(of_grid("b747", "light", 10.0, 2), (2, 6), marks=pytest.mark.long),
+        pytest.param(of_grid("b737", "none", 10.0, 2), (1, 11), marks=pytest.mark.long),
     ],
 )
 def test_a_dozen_flights_are_within_bounds(case: Case, faults: tuple[int, int]):

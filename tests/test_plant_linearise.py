@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -50,13 +51,18 @@ def test_trim_is_level_flight_at_the_flight_point() -> None:
     assert 0.0 < trim.throttle < 1.0
 
 
+@cache
+def at_first_point(name: str) -> Linear:
+    return linearise(aircraft(name), aircraft(name).flight_points[0])
+
+
 @pytest.mark.parametrize("name", ["f16", "b747", "b737"])
 @pytest.mark.parametrize("surface", ["elevator", "aileron", "rudder", "throttle"])
 def test_small_motions_follow_the_nonlinear_aircraft(name: str, surface: str) -> None:
     """Half a second after a small step, rates and angles agree within 7 % of the largest response."""
     config = aircraft(name)
     point = config.flight_points[0]
-    linear = linearise(config, point)
+    linear = at_first_point(name)
     step = 0.03 if surface == "throttle" else 0.005
     flown = fly(config, point, surface, step, frames=51)
     for plane, expected in predict(linear, config, surface, step, frames=50).items():

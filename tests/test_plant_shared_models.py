@@ -14,7 +14,11 @@ from rig.world.plant import airframe, jsbsim, loading, shared_models, wind
 
 AIRCRAFT = Path(__file__).parents[1] / "aircraft"
 PLANES = {name: airframe.read(AIRCRAFT / name / "aircraft.toml") for name in ("f16", "b747", "b737")}
-POINTS = [(name, point.name) for name, plane in PLANES.items() for point in plane.flight_points]
+POINTS = [  # the first of each aircraft in the quick tests
+    pytest.param(name, point.name, marks=[pytest.mark.long] if i else [])
+    for name, plane in PLANES.items()
+    for i, point in enumerate(plane.flight_points)
+]
 GUSTY = wind.Config(gusts=[wind.Gust(start_s=0.5, duration_s=1.0, north_m_s=5.0, down_m_s=3.0)])
 
 

@@ -320,7 +320,7 @@ QUADS = Path(__file__).parents[2] / "shared" / "data"
 
 
 @pytest.mark.skipif(not (QUADS / "quad_imu").is_dir(), reason="the recordings are not here")
-@pytest.mark.parametrize("folder", ["quad_imu", "quad_imu_horizontal"])
+@pytest.mark.parametrize("folder", ["quad_imu", pytest.param("quad_imu_horizontal", marks=pytest.mark.long)])
 def test_a_flipped_gyro_axis_of_real_recorders_is_named_in_all_flights(folder: str):
     mapping = {f"{a}.{c}": f"IMU_{c}.csv:Gyr_{a.upper()}" for a in "xyz" for c in range(1, 5)}
     config = config_of({"time_column": "time", "default": {"threshold": 10.0}, "mapping": mapping}, SOURCE)

@@ -5,6 +5,7 @@ differences, L clusters apart, n of them, it is (n c(0)^2 + 2 sum (n - L) c(L)^2
 """
 
 import re
+from functools import cache
 from math import exp, sqrt
 from pathlib import Path
 
@@ -28,7 +29,7 @@ WALK = {"rate_random_walk": K}
 
 def drift(settings, seed=1, frames=FRAMES):
     """(frames, 4) of a gyro at rest."""
-    return sense(truths(frames), suite(pitch_rate={**settings, **WIDE}), seed=seed, rate_hz=RATE)[:, Q]
+    return sense(truths(frames), suite(pitch_rate={**settings, **WIDE}), seed=seed, rate_hz=RATE, split=5000)[:, Q]
 
 
 def differences(x, tau):
@@ -67,10 +68,16 @@ def walk(tau, lags):
     return c
 
 
-CASES = [(WHITE, [white]), (MARKOV, [markov]), (WALK, [walk]), ({**WHITE, **MARKOV, **WALK}, [white, markov, walk])]
+CASES = [
+    *(
+        pytest.param(*one, marks=pytest.mark.long, id=one[1][0].__name__)
+        for one in ((WHITE, [white]), (MARKOV, [markov]), (WALK, [walk]))
+    ),
+    pytest.param({**WHITE, **MARKOV, **WALK}, [white, markov, walk], id="all"),
+]
 
 
-@pytest.mark.parametrize(("settings", "theory"), CASES, ids=["white", "markov", "walk", "all"])
+@pytest.mark.parametrize(("settings", "theory"), CASES)
 def test_the_allan_deviation_is_that_of_the_settings(settings, theory):
     x = drift(settings)
     for tau in (0.2, 1.0, 5.0, 20.0, 37.8, 100.0, 400.0):
@@ -140,8 +147,9 @@ def test_real_gyros_in_flight_disagree_by_far_more_than_the_noise_of_a_sheet():
 MODE = {"mode_rms": 0.01, "mode_frequency_hz": 8.0, "mode_damping": 0.05}
 
 
+@cache
 def mode(frames=400_000, **settings):
-    return sense(truths(frames), suite(pitch_rate={**MODE, **settings}), seed=3)[:, Q]
+    return sense(truths(frames), suite(pitch_rate={**MODE, **settings}), seed=3, split=5000)[:, Q]
 
 
 def test_a_structural_mode_is_the_same_on_every_channel_beside_independent_noise():

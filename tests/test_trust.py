@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from rig.flight.loop import Rig
 from rig.scenario import scenario
 from rig.scenario.overrides import named_manager
 from rig.scenario.scenario import from_resolved
+from rig.studies.campaign import compile_ahead
 
 OWN = """
 import numpy as np
@@ -292,14 +294,29 @@ def test_a_run_whose_class_raises_is_recorded_as_failed_and_the_command_ends_wit
     assert rows["outcome"].to_list() == ["failed"] and "raised in frame 130" in rows["reason"][0]
 
 
-def test_a_childs_import_never_finds_a_module_of_the_present_folder(place: Path):
+def test_a_child_that_compiles_never_finds_a_module_of_the_present_folder(place: Path, monkeypatch: pytest.MonkeyPatch):
+    (place / "zlib.py").write_text('open("mark", "w").close()\n')
+    program = "import os, sys, zlib; os.write(int(sys.argv[2]), zlib.compress(sys.argv[1].encode()))"
+    monkeypatch.setattr(compile_ahead, "_CHILD", program)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb") as said, compile_ahead._child("part", writing):
+        os.close(writing)
+        assert zlib.decompress(said.read()) == b"part"
+    assert not marked(place)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "arguments", [["plan", "c.toml", "--json"], ["run", "c.toml", "--out", "out", "--json"]], ids=["plan", "run"]
+)
+def test_a_childs_import_never_finds_a_module_of_the_present_folder(arguments: list[str], place: Path):
     for name in ("numpy", "polars", "zlib", "pickle", "selectors"):
         (place / f"{name}.py").write_text('open("mark", "w").close()\n')
     (place / "c.toml").write_text('base = "plain.toml"\nset = { "duration_s" = 0.1 }\n[run]\nworkers = 1\n')
     program = [sys.executable, "-P", "-c", "from rig.cli.main import main; main()"]
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONSAFEPATH"}
-    for arguments in (["plan", "c.toml", "--json"], ["run", "c.toml", "--out", "out", "--json"]):
-        done = subprocess.run([*program, "campaign", *arguments], capture_output=True, text=True, env=environment)
-        assert done.returncode == 0, done.stderr
-        assert json.loads(done.stdout)["runs"] == 1
+    done = subprocess.run([*program, "campaign", *arguments], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["runs"] == 1
     assert not marked(place)

@@ -82,6 +82,7 @@ def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tupl
     assert _pixels_of(picture[700:1050, :720], STATE_LOOKS["FAILED"][1], tolerance=60) > 1000  # a lane
 
 
+@pytest.mark.long
 @outside.needs("vulkan")
 @pytest.mark.parametrize("logs", [1, 2])
 def test_every_view_of_the_layout_holds_data_of_every_flight(flights: tuple[Path, Path], logs: int) -> None:
