@@ -16,7 +16,7 @@ from unit_files import HERE, KEPT, SOURCES, library, listening, needs_a_compiler
 
 import rig
 from rig.bench.unit_check import check
-from rig.bench.unit_long import TITLES
+from rig.bench.unit_long import FRAMES, TITLES
 from rig.core.errors import UnitRefused
 from rig.core.frame import SIGNALS, S
 from rig.flight.stages import redundancy
@@ -279,14 +279,29 @@ def test_an_older_unit_meets_the_interface(tmp_path: Path, version: int):
     assert [one for one in check(tmp_path / "unit.toml", interface_only=True).requirements if not one.passed] == []
 
 
+SHARE = {"a quarter": (4, 300), "all": (1, FRAMES)}  # every fourth case, and the frames of a long session
+
+
 @needs_a_compiler
-@pytest.mark.parametrize("version", VERSIONS)
-def test_it_is_asked_for_what_its_version_has_fields_for(tmp_path: Path, version: int):
+@pytest.mark.parametrize(
+    ("version", "share"),
+    [
+        *((version, "a quarter") for version in (2, 4)),
+        *(pytest.param(version, "all", marks=pytest.mark.long) for version in VERSIONS),
+    ],
+)
+def test_it_is_asked_for_what_its_version_has_fields_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: int, share: str
+):
+    every, frames = SHARE[share]
+    cases = load()[::every]
+    monkeypatch.setattr("rig.bench.unit_check.load", lambda: cases)
+    monkeypatch.setattr("rig.bench.unit_check.FRAMES", frames)
     written(tmp_path, {"name": "u", **keys_of(version, "library")})
     found, interface = check(tmp_path / "unit.toml"), OLD[version]
-    asked = {case.requirement for case in load() if not asked_since(interface, case.config)}
+    asked = {case.requirement for case in cases if not asked_since(interface, case.config)}
     assert found.passed and found.grade == "bits"
     assert {one.name for one in found.requirements if one.part == "decisions"} == asked | set(
         TITLES[:-1] if version > 2 else TITLES[:1]
     )
-    assert len(asked) > 50
+    assert len(asked) > (50 if share == "all" else 12)
