@@ -52,6 +52,13 @@ WRONG = {
 }
 
 
+QUICK = (
+    "two new sessions give the same bytes",
+    "votes healthy channels of an angle across the end of its circle",
+    "answers NaN, infinities, denormals, all invalid, every monitor value",
+)
+
+
 def strange(folder: Path, opening: str, step: str) -> Unit:
     source = folder / "strange.c"
     source.write_text(STRANGE.format(opening=opening, step=step))
@@ -91,7 +98,9 @@ def test_a_unit_with_rules_of_its_own_keeps_to_the_interface_alone(
     assert "1 of 1 cases; frame" in next(one for one in wrong if one["name"] == "2:2 settled by the trend")["detail"]
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(one, marks=pytest.mark.long) for one in WRONG if one not in QUICK)]
+)
 def test_a_unit_that_does_not_keep_to_the_interface_is_found(tmp_path: Path, name: str):
     strange(tmp_path, *WRONG[name])
     found = check(tmp_path / "unit.toml", interface_only=True)
