@@ -106,8 +106,13 @@ def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     return build
 
 
+# The quick tests: each of FMI 3, and one flight of FMI 2.
+BOTH = [pytest.param("2", marks=pytest.mark.long), "3"]
+QUICK = {("b737_rudder_oscillation", "3"), ("f16_elevator_coil_hardover", "2")}
+
+
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_fmpy_finds_no_fault_with_the_fmu(fmu: Callable[..., Path], version: str):
     from fmpy.validation import validate_fmu
 
@@ -115,8 +120,14 @@ def test_fmpy_finds_no_fault_with_the_fmu(fmu: Callable[..., Path], version: str
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize(
+    ("name", "version"),
+    [
+        pytest.param(name, version, marks=[pytest.mark.long] if (name, version) not in QUICK else [])
+        for name in SCENARIOS
+        for version in VERSIONS
+    ],
+)
 def test_every_output_in_fmpy_has_the_bits_of_the_log(
     fmu: Callable[..., Path], tmp_path: Path, name: str, version: str
 ):
@@ -127,7 +138,7 @@ def test_every_output_in_fmpy_has_the_bits_of_the_log(
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_an_input_that_is_never_set_stays_in_trim(fmu: Callable[..., Path], tmp_path: Path, version: str):
     name = "f16_altitude_step_turbulence"
     sets = ("duration_s=1", "turbulence=none", "faults=[]", "pilot.manoeuvres=[]")
@@ -142,7 +153,7 @@ def test_an_input_that_is_never_set_stays_in_trim(fmu: Callable[..., Path], tmp_
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_parameters_fly_as_the_same_overrides_of_the_scenario(fmu: Callable[..., Path], tmp_path: Path, version: str):
     """Onset, size and seed; what is read before the first step is already of them."""
     file = fmu(version=version)
@@ -157,7 +168,7 @@ def test_parameters_fly_as_the_same_overrides_of_the_scenario(fmu: Callable[...,
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_a_parameter_that_is_not_allowed_ends_the_start_with_the_reason(
     fmu: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], version: str
 ):
@@ -167,7 +178,7 @@ def test_a_parameter_that_is_not_allowed_ends_the_start_with_the_reason(
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_after_a_reset_it_flies_the_same_flight_again_with_the_first_parameters(
     fmu: Callable[..., Path], tmp_path: Path, version: str
 ):
@@ -204,7 +215,7 @@ def test_instances_in_one_process_do_not_disturb_each_other(fmu: Callable[..., P
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_what_cannot_be_flown_is_discarded_with_the_reason_and_the_flight_continues(
     fmu: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], version: str
 ):
@@ -252,7 +263,7 @@ def test_a_step_of_several_frames_holds_the_surfaces(fmu: Callable[..., Path], t
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_a_master_may_begin_at_another_time(fmu: Callable[..., Path], tmp_path: Path, version: str):
     """The flight is the same; onsets count from its begin."""
     rows = fly_rows(load("b737_rudder_oscillation", SHORT), 130)
@@ -264,7 +275,7 @@ def test_a_master_may_begin_at_another_time(fmu: Callable[..., Path], tmp_path: 
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 def test_after_the_loss_of_the_aircraft_no_step_is_flown(
     fmu: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], version: str
 ):
@@ -301,7 +312,7 @@ def changed(file: Path, target: Path, change: Callable[[dict[str, Any]], None]) 
 
 
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", BOTH)
 @pytest.mark.parametrize(
     ("change", "text"),
     [

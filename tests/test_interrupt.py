@@ -1,4 +1,5 @@
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import rig
 from rig.core.interrupt import end_cleanly, interruptible
 from rig.log import read_log
 
@@ -108,6 +110,28 @@ def test_a_process_that_ends_cleanly_runs_its_finally_and_a_second_signal_does_n
     assert [path.name for path in tmp_path.iterdir()] == ["finally"]
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, *TERMINATIONS])
+def test_a_flight_of_this_process_that_is_asked_to_end_leaves_a_finished_log(number: signal.Signals, tmp_path: Path):
+    """Paced, so that it is under way; the signal comes when its log is there."""
+
+    def strike() -> None:
+        deadline = time.monotonic() + 50
+        while not any(path.stat().st_size > 20_000 for path in tmp_path.glob("*.mcap")):
+            if time.monotonic() > deadline:
+                return
+            time.sleep(0.02)
+        os.kill(os.getpid(), number)
+
+    hand = threading.Thread(target=strike)
+    hand.start()
+    flight = rig.fly(overrides=["duration_s=60"], out=tmp_path, realtime_factor=1.0)
+    hand.join()
+    log = read_log(flight.log)
+    assert log.result is not None and log.result["end_reason"] == "interrupted" and flight.survived
+    assert 0 < len(log.rows) == flight.frames < 6000
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, *TERMINATIONS])
 def test_a_flight_that_is_asked_to_end_leaves_a_finished_log(number: signal.Signals, tmp_path: Path):
     """Paced, so that it is under way; the signal comes when its log is there."""

@@ -76,14 +76,31 @@ NAMED = {
 @cache
 def _nodes() -> list[tuple[str, ast.AST]]:
     trees = {path.relative_to(HOME).as_posix(): ast.parse(path.read_text()) for path in sorted(HOME.rglob("*.py"))}
-    return [(room, node) for room, tree in trees.items() for node in ast.walk(tree)]
+    return [(room, node) for room, tree in trees.items() for node in _below(tree)]
+
+
+def _below(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield as ast.walk does, without the contexts of names; in a third of its time."""
+    left = [tree]
+    for node in left:
+        yield node
+        for value in vars(node).values():
+            if isinstance(value, list):
+                left += [one for one in value if isinstance(one, ast.AST)]
+            elif isinstance(value, ast.AST) and not isinstance(value, ast.expr_context):
+                left.append(value)
+
+
+@cache
+def _called() -> list[tuple[str, ast.Call]]:
+    return [(room, node) for room, node in _nodes() if isinstance(node, ast.Call)]
 
 
 def _calls(names: set[str]) -> Iterator[str]:
-    for room, node in _nodes():
+    for room, node in _called():
         if room.startswith("computer/redundancy/"):
             continue
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names:
+        if isinstance(node.func, ast.Name) and node.func.id in names:
             yield room
 
 
@@ -108,7 +125,7 @@ def test_all_drivers_of_the_bench_go_through_one_step():
 
 
 def test_a_class_of_the_users_votes_in_the_loop_and_on_the_bench_alone():
-    calls = [room for room, node in _nodes() if isinstance(node, ast.Call) and ast.unparse(node.func) == "own.step"]
+    calls = [room for room, node in _called() if ast.unparse(node.func) == "own.step"]
     assert sorted(calls) == ["bench/vote_rows.py", "flight/loop.py"]
     assert set(_calls({"by_class"})) == {
         f"{name}.py"

@@ -1,4 +1,4 @@
-"""Eight processes at once: each has a file of its own, or the file that all were given is one writer's, whole."""
+"""Several processes at once: each has a file of its own, or the file that all were given is one writer's, whole."""
 
 import json
 import subprocess
@@ -9,10 +9,9 @@ import pytest
 
 from rig.log import read_log
 
-PROCESSES = 8
-# The parent makes everything ready; one child, forked from it, writes each output alone, then eight at once.
+# The parent makes everything ready; one child, forked from it, writes each output alone, then several at once.
 SCRIPT = """
-import json, os, signal
+import json, os, signal, sys
 from pathlib import Path
 
 from rig.studies.campaign.flying import fly as fly_in_memory, write_log
@@ -26,7 +25,7 @@ from rig.scenario.scenario import load
 
 SHORT = ["duration_s=0.5"]
 
-def together(act, count=8):
+def together(act, count=int(sys.argv[1])):
     gate, opener = os.pipe()
     children = [child(act, number, gate) for number in range(count)]
     os.write(opener, bytes(count))
@@ -69,40 +68,47 @@ together(lambda number: say(what_if(of_it, of_it.scenario).path))
 """
 
 
-@pytest.fixture(scope="module")
-def raced(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path]]:
-    """The folder, and the paths that flights and then what-ifs said."""
+@pytest.fixture(
+    scope="module", params=[3, pytest.param(8, marks=pytest.mark.long)], ids=lambda count: f"{count} at once"
+)
+def raced(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Path], int]:
+    """The folder, the paths that flights and then what-ifs said, and how many processes there were."""
     folder = tmp_path_factory.mktemp("raced")
     ran = subprocess.run(
-        [sys.executable, "-c", SCRIPT], cwd=folder, capture_output=True, text=True, timeout=300, check=False
+        [sys.executable, "-c", SCRIPT, str(request.param)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert ran.returncode == 0, ran.stderr[-3000:]
-    return folder, [folder / json.loads(line) for line in ran.stdout.splitlines()]
+    return folder, [folder / json.loads(line) for line in ran.stdout.splitlines()], request.param
 
 
-def test_flights_that_start_together_have_a_log_each_and_every_log_is_whole(raced: tuple[Path, list[Path]]):
-    _, said = raced
-    logs = said[: 3 * PROCESSES]
-    assert len(set(logs)) == 3 * PROCESSES
+def test_flights_that_start_together_have_a_log_each_and_every_log_is_whole(raced: tuple[Path, list[Path], int]):
+    _, said, processes = raced
+    logs = said[: 3 * processes]
+    assert len(set(logs)) == 3 * processes
     assert all(len(log.rows) == 50 and log.result is not None for log in map(read_log, logs))
 
 
-def test_what_ifs_of_one_log_that_are_made_together_have_a_file_each(raced: tuple[Path, list[Path]]):
-    folder, said = raced
-    what_ifs = said[3 * PROCESSES :]
-    assert len(set(what_ifs)) == PROCESSES and all(len(read_log(path).rows) == 50 for path in what_ifs)
-    assert len(list((folder / "logs").iterdir())) == 1 + 4 * PROCESSES  # nothing else is left there
+def test_what_ifs_of_one_log_that_are_made_together_have_a_file_each(raced: tuple[Path, list[Path], int]):
+    folder, said, processes = raced
+    what_ifs = said[3 * processes :]
+    assert len(set(what_ifs)) == processes and all(len(read_log(path).rows) == 50 for path in what_ifs)
+    assert len(list((folder / "logs").iterdir())) == 1 + 4 * processes  # nothing else is left there
 
 
 @pytest.mark.parametrize("name", ["o.csv", "o.txt", "recovered.mcap", "run_000001.mcap"])
-def test_one_output_written_by_many_is_one_writers_whole(raced: tuple[Path, list[Path]], name: str):
-    folder, _ = raced
+def test_one_output_written_by_many_is_one_writers_whole(raced: tuple[Path, list[Path], int], name: str):
+    folder, _, processes = raced
     alone, after = ((folder / place / name).read_bytes() for place in ("alone", "out"))
-    assert after in ([alone] if name != "o.txt" else [bytes([48 + n]) * 2_000_000 for n in range(PROCESSES)])
+    assert after in ([alone] if name != "o.txt" else [bytes([48 + n]) * 2_000_000 for n in range(processes)])
 
 
-def test_no_draft_is_left(raced: tuple[Path, list[Path]]):
-    folder, _ = raced
+def test_no_draft_is_left(raced: tuple[Path, list[Path], int]):
+    folder, *_ = raced
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "o.csv",
         "o.csv.units.json",

@@ -289,6 +289,18 @@ def test_a_flight_has_one_digest_and_a_process_on_its_ports_changes_nothing(exam
     assert beside_another.digest == alone.digest and beside_another.survived
 
 
+def test_two_flights_fly_at_once(example: Path):
+    started = threading.Barrier(2)
+
+    def flown(out: str) -> str:
+        started.wait()
+        return fly(example, out=out).digest
+
+    with nothing_left(example), ThreadPoolExecutor(2) as pool:
+        assert len(set(pool.map(flown, ("one", "two")))) == 1
+
+
+@pytest.mark.long
 def test_two_rigs_fly_at_once(example: Path):
     command = ["-m", "rig", "fly", "stock_level", "--set", "duration_s=3", "--unit", str(example / "f16.toml")]
 

@@ -9,7 +9,9 @@ import pytest
 from unit_files import compiled, needs_a_compiler, udp, unit, written
 
 from rig.bench.unit_check import Checked, check
+from rig.bench.unit_long import FRAMES
 from rig.unit.unit_file import Unit
+from rig.unit.vectors import load
 
 pytestmark = needs_a_compiler
 # A unit that looks right and is not: a line of its step is another.
@@ -50,6 +52,13 @@ WRONG = {
 }
 
 
+QUICK = (
+    "two new sessions give the same bytes",
+    "votes healthy channels of an angle across the end of its circle",
+    "answers NaN, infinities, denormals, all invalid, every monitor value",
+)
+
+
 def strange(folder: Path, opening: str, step: str) -> Unit:
     source = folder / "strange.c"
     source.write_text(STRANGE.format(opening=opening, step=step))
@@ -61,14 +70,23 @@ def failed(found: Checked) -> list[str]:
     return [one.name for one in found.requirements if not one.passed]
 
 
-def test_the_monitor_in_c_meets_every_requirement_to_the_bit(tmp_path: Path):
+@pytest.mark.parametrize("frames", [300, pytest.param(FRAMES, marks=pytest.mark.long)])
+def test_the_monitor_in_c_meets_every_requirement_to_the_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frames: int
+):
+    monkeypatch.setattr("rig.bench.unit_check.FRAMES", frames)  # of a long session
     unit(tmp_path, "monitor", isolate=False)
     found = check(tmp_path / "unit.toml")
     assert found.passed and found.grade == "bits" and failed(found) == []
     assert len(found.requirements) > 40
 
 
-def test_a_unit_with_rules_of_its_own_keeps_to_the_interface_alone(tmp_path: Path, rig_command):
+def test_a_unit_with_rules_of_its_own_keeps_to_the_interface_alone(
+    tmp_path: Path, rig_command, monkeypatch: pytest.MonkeyPatch
+):
+    few = [case for case in load() if case.requirement in ("2:2 settled by the trend", "2:2 settled by the reference")]
+    monkeypatch.setattr("rig.bench.unit_check.load", lambda: few)
+    monkeypatch.setattr("rig.bench.unit_check.FRAMES", 300)  # of a long session
     unit(tmp_path, "first_valid")
     found = check(tmp_path / "unit.toml", interface_only=True)
     assert found.passed and found.grade == "interface"
@@ -80,7 +98,9 @@ def test_a_unit_with_rules_of_its_own_keeps_to_the_interface_alone(tmp_path: Pat
     assert "1 of 1 cases; frame" in next(one for one in wrong if one["name"] == "2:2 settled by the trend")["detail"]
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(one, marks=pytest.mark.long) for one in WRONG if one not in QUICK)]
+)
 def test_a_unit_that_does_not_keep_to_the_interface_is_found(tmp_path: Path, name: str):
     strange(tmp_path, *WRONG[name])
     found = check(tmp_path / "unit.toml", interface_only=True)

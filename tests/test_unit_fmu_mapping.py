@@ -356,9 +356,13 @@ ROUNDED = {  # at so many frames a second: version of FMI, the only step or the 
     "of digits that are zero": (60, "3", "inside", "0.016700", False),
 }
 
+ALIKE = ("to five digits", "half a frame", "another step inside", "of digits that are zero")
+
 
 @needs_fmpy
-@pytest.mark.parametrize("case", ROUNDED)
+@pytest.mark.parametrize(
+    "case", [pytest.param(one, marks=[pytest.mark.long] if one in ALIKE else []) for one in ROUNDED]
+)
 def test_a_step_that_is_a_rounded_decimal_makes_a_frame_of_a_rate_that_has_none(tmp_path: Path, case: str):
     rate_hz, version, place, step, flies = ROUNDED[case]
     pattern, text = f'{STEP}="true"', f'{STEP}="true" fixedInternalStepSize="{step}"'

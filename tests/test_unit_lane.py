@@ -44,7 +44,7 @@ def differing(one: rig.Flight, other: rig.Flight) -> set[str]:
     return {name for a, b in pairs for name in a.dtype.names or () if a[name].tobytes() != b[name].tobytes()}
 
 
-@pytest.mark.parametrize("lane", ["A", "B", "D"])
+@pytest.mark.parametrize("lane", ["A", *(pytest.param(lane, marks=pytest.mark.long) for lane in "BD")])
 def test_our_monitor_in_c_as_one_lane_flies_the_bits_of_four_of_ours(tmp_path: Path, lane: str):
     faults = [HARDOVER, rig.fault("computer_stop", signal="computer.C", start_s=1.0)]
     theirs = fly(tmp_path, unit(tmp_path, "monitor"), lane, faults=faults)

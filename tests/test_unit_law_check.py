@@ -57,6 +57,9 @@ DEFECTS = {
 }
 
 
+QUICK = ("two new sessions give the same bytes", STEP, HOSTILE)  # one of each kind: the others are long
+
+
 def defective(folder: Path, opening: str, step: str) -> Unit:
     source = folder / "defective.c"
     source.write_text(DEFECTIVE % (opening, step))
@@ -90,7 +93,9 @@ def test_our_own_law_meets_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @needs_a_compiler
-@pytest.mark.parametrize("name", DEFECTS)
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(one, marks=pytest.mark.long) for one in DEFECTS if one not in QUICK)]
+)
 def test_a_defect_is_found(tmp_path: Path, name: str):
     defective(tmp_path, *DEFECTS[name])
     found = check(tmp_path / "unit.toml")

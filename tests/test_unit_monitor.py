@@ -81,7 +81,7 @@ def test_random_rows_are_voted_to_the_same_bits_and_reach_every_state_and_readmi
     assert min(counts.values()) >= 10, counts
 
 
-@pytest.mark.parametrize("seed", range(100, 104))
+@pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(101, 104))])
 def test_so_are_rows_with_infinities_and_numbers_near_the_largest(monitor: Library, seed: int):
     for flight in range(RANDOM_FLIGHTS):
         record, rows = random_flight((seed, flight), hostile=True)
@@ -103,7 +103,7 @@ def slow_flight(seed: Sequence[int], hostile: bool = False) -> tuple[np.ndarray,
     return config(params, discretes, manager.boxes), rows
 
 
-@pytest.mark.parametrize("hostile", [False, True])
+@pytest.mark.parametrize("hostile", [pytest.param(False, marks=pytest.mark.long), True])
 def test_so_are_rows_long_enough_for_the_slow_fault_tests(monitor: Library, hostile: bool):
     seen: Counter[int] = Counter()
     for flight in range(RANDOM_FLIGHTS):

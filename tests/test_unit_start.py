@@ -45,7 +45,7 @@ CASES = {
 
 @needs_a_compiler
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [pytest.param("alone", marks=pytest.mark.long), "one of four, with servos"])
 def test_no_kernel_is_compiled_or_loaded_once_the_unit_runs(tmp_path: Path, case: str):
     sets, lane = CASES[case]
     path = os.pathsep.join(filter(None, sys.path))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from unit_files import HERE, KEPT, SOURCES, library, listening, needs_a_compiler
 
 import rig
 from rig.bench.unit_check import check
-from rig.bench.unit_long import TITLES
+from rig.bench.unit_long import FRAMES, TITLES
 from rig.core.errors import UnitRefused
 from rig.core.frame import SIGNALS, S
 from rig.flight.stages import redundancy
@@ -134,6 +135,11 @@ def old_fmu(version: int, fmi: Any) -> Path:
 TRANSPORTS = ["library", "in process", "udp"]
 
 
+def some(quick: list[Any], *each: list[Any]) -> list[Any]:
+    """All combinations; those that are not ``quick`` are long."""
+    return [pytest.param(*one, marks=[] if one in quick else pytest.mark.long) for one in product(*each)]
+
+
 def keys_of(version: int, transport: str) -> dict[str, Any]:
     if transport == "udp":
         return {"transport": "udp", "command": [str(old_process(version)), "--rig", "{address}"]}
@@ -141,8 +147,10 @@ def keys_of(version: int, transport: str) -> dict[str, Any]:
 
 
 @needs_a_compiler
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize(
+    ("transport", "version"),
+    some([("library", 1), ("library", 4), ("in process", 2), ("udp", 1), ("udp", 3)], TRANSPORTS, VERSIONS),
+)
 def test_an_older_unit_flies_the_bits_of_our_own_manager(tmp_path: Path, version: int, transport: str):
     """Of a flight without a split, a failed LRU or a sensor that sticks, of which it is not told."""
     digests = set()
@@ -164,8 +172,7 @@ def test_an_older_box_at_an_address_is_greeted_in_its_own_version(tmp_path: Path
 
 @needs_a_compiler
 @needs_fmpy
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("fmi", ["2", "3"])
+@pytest.mark.parametrize(("fmi", "version"), some([("2", 1), ("3", 2), ("2", 3), ("3", 4)], ["2", "3"], VERSIONS))
 def test_an_older_fmu_flies(tmp_path: Path, version: int, fmi: str):
     tested = written(tmp_path, {"name": "u", "transport": "fmu", "path": str(old_fmu(version, fmi))})
     assert rig.fly(overrides=SHORT, out=tmp_path, unit=tested).failed == {SIGNALS[0].name: [3]}
@@ -247,8 +254,7 @@ def test_a_flight_is_refused_in_one_line(tmp_path: Path, transport: str):
 
 
 @needs_a_compiler
-@pytest.mark.parametrize("version", VERSIONS[:3])
-@pytest.mark.parametrize("isolate", [True, False])
+@pytest.mark.parametrize(("isolate", "version"), some([(True, 1), (False, 2), (True, 3)], [True, False], VERSIONS[:3]))
 def test_a_control_law_of_an_older_version_is_refused_in_one_line(tmp_path: Path, version: int, isolate: bool):
     sources(version)
     path = tmp_path / "law.c"
@@ -273,20 +279,35 @@ void rig_unit_close(void) { }
 
 
 @needs_a_compiler
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", [1, 3, *(pytest.param(version, marks=pytest.mark.long) for version in (2, 4))])
 def test_an_older_unit_meets_the_interface(tmp_path: Path, version: int):
     written(tmp_path, {"name": "u", **keys_of(version, "udp")})
     assert [one for one in check(tmp_path / "unit.toml", interface_only=True).requirements if not one.passed] == []
 
 
+SHARE = {"a quarter": (4, 300), "all": (1, FRAMES)}  # every fourth case, and the frames of a long session
+
+
 @needs_a_compiler
-@pytest.mark.parametrize("version", VERSIONS)
-def test_it_is_asked_for_what_its_version_has_fields_for(tmp_path: Path, version: int):
+@pytest.mark.parametrize(
+    ("version", "share"),
+    [
+        *((version, "a quarter") for version in (2, 4)),
+        *(pytest.param(version, "all", marks=pytest.mark.long) for version in VERSIONS),
+    ],
+)
+def test_it_is_asked_for_what_its_version_has_fields_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: int, share: str
+):
+    every, frames = SHARE[share]
+    cases = load()[::every]
+    monkeypatch.setattr("rig.bench.unit_check.load", lambda: cases)
+    monkeypatch.setattr("rig.bench.unit_check.FRAMES", frames)
     written(tmp_path, {"name": "u", **keys_of(version, "library")})
     found, interface = check(tmp_path / "unit.toml"), OLD[version]
-    asked = {case.requirement for case in load() if not asked_since(interface, case.config)}
+    asked = {case.requirement for case in cases if not asked_since(interface, case.config)}
     assert found.passed and found.grade == "bits"
     assert {one.name for one in found.requirements if one.part == "decisions"} == asked | set(
         TITLES[:-1] if version > 2 else TITLES[:1]
     )
-    assert len(asked) > 50
+    assert len(asked) > (50 if share == "all" else 12)

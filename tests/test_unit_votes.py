@@ -310,7 +310,7 @@ def test_states_without_fields_of_their_own_are_ok_but_at_level_0():
 
 @needs_a_compiler
 @needs_fmpy
-@pytest.mark.parametrize("field", ["level", "state"])
+@pytest.mark.parametrize("field", ["level", pytest.param("state", marks=pytest.mark.long)])
 def test_an_fmu_may_map_levels_or_states_alone(tmp_path: Path, field: str):
     """first_valid fails no channel: all in use, whichever of the two it says."""
     alone = by_signal("level")

@@ -160,6 +160,7 @@ def fly(asked: Asked, out: Path, workers: int, trust: Trust = NO_CODE) -> list[R
     BadInput, before anything is written: ``out`` is not of cut sets, or was made with other options.
     """
     plans = {condition: plan(asked, condition, trust) for condition in asked.conditions}
+    STUDY.require(out, asked.as_dict())  # before the flights without faults
     refuse_lost(asked, out, trust)
     with STUDY.held(out, asked.as_dict()):
         return fly_all(plans, out, workers)
