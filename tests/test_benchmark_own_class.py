@@ -80,6 +80,7 @@ def test_a_class_designs_itself_from_the_healthy_data_of_each_signal():
     assert not isolates_no_channel(own, white_signal()) and benchmark_flights.Designed.limit == 2.0
 
 
+@pytest.mark.long
 def test_a_class_with_both_is_calibrated_behind_its_design():
     """Of channel 3, ten times as noisy, a sample counts a tenth: the level is that of samples with these weights."""
     name, healthy, signal = "benchmark_flights:DesignedAndCalibrated", white(0.01, 8, 1500), white_signal()

@@ -246,6 +246,7 @@ def test_a_line_gives_the_runs_done_the_rate_and_the_time_left(capsys: pytest.Ca
     assert capsys.readouterr().err == "2 of 4 runs, 1 lost, 0.2 per second, about 10 s left\n"
 
 
+@pytest.mark.long
 def test_two_managers_in_one_campaign_are_told_apart(rig_command: Command):
     text = CAMPAIGN.replace('"faults.0.offset" = 0.3\n', "").replace("runs = 4\n", "")
     text = text.replace("duration_s = 1.5", "duration_s = 4.0").replace('start_s" = 0.5', 'start_s" = 3.0')

@@ -277,6 +277,7 @@ def test_nothing_flown_is_nothing_to_report(tmp_path: Path):
 
 
 @outside.needs("chromium")
+@pytest.mark.long
 def test_in_a_browser_each_count_of_a_map_stands_on_its_cell(tmp_path: Path):
     detected = {0.01: None, 0.02: None, 0.1: 1, 0.2: 4, 0.4: 7, 0.8: 10}  # of ten; none could be of the first two
     faults = [

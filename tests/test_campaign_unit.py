@@ -133,6 +133,7 @@ def test_a_campaign_does_not_go_on_with_another_environment_or_file(begun: Path,
     assert again(open_folder(begun / "out"), 0, begun / "logs", same)[0].digest
 
 
+@pytest.mark.long
 def test_a_plan_has_the_identity_of_what_it_flies(begun: Path, rig_command, monkeypatch):
     unit_file = with_gains(begun, "1", VOTER="mean").unit_file
     code, out, _ = rig_command("campaign", "status", begun / "out", "--json")
@@ -163,6 +164,7 @@ def test_a_file_that_changes_while_a_campaign_flies_ends_it_and_no_run_of_it_cou
     assert fly(tmp_path, with_gains(tmp_path, "1"), "out", workers=2).table_sha256 == whole.table_sha256
 
 
+@pytest.mark.long
 def test_a_batch_in_which_a_file_has_changed_returns_no_rows(tmp_path: Path, monkeypatch):
     tested = with_gains(tmp_path, "1")
     (tmp_path / "campaign.toml").write_text(CAMPAIGN)

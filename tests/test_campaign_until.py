@@ -130,6 +130,7 @@ def test_a_campaign_stops_at_the_first_look_at_which_every_group_is_narrow(stopp
     assert {row["group"] for row in state["groups"]} == {"pitch_rate", "roll_rate"}
 
 
+@pytest.mark.long
 def test_two_workers_and_a_kill_leave_the_same_table(stopped: Result, tmp_path: Path):
     assert flown(tmp_path / "two", tmp_path, workers=2).table_sha256 == stopped.table_sha256
     argv = [

@@ -73,6 +73,7 @@ def code() -> str:
     return "\n".join(sorted(text.splitlines()))
 
 
+@pytest.mark.long
 def test_with_shortcuts_a_kernel_has_the_same_code(tmp_path: Path):
     ran = subprocess.run(
         [sys.executable, __file__],

@@ -101,6 +101,7 @@ def test_the_page_is_small_and_has_the_paragraphs(rig_command: Command):
     }
 
 
+@pytest.mark.long
 def test_injected_faults_are_counted_the_same_each_time(rig_command: Command):
     words = written("bin", flown(Kind(seed=6, rate_hz=10.0, seconds=20.0, count=3)))
     data = told(rig_command, *words, "--inject", "step,freeze")

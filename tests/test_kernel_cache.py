@@ -133,6 +133,7 @@ def test_a_file_that_is_damaged_in_any_way_is_compiled_again_and_never_run(tmp_p
     assert _run(tmp_path) == ([3.0, 3.0], set())
 
 
+@pytest.mark.long
 def test_where_the_folder_cannot_be_written_kernels_are_compiled_with_a_note(tmp_path: Path):
     (tmp_path / "module.py").write_text(_MODULE)
     (tmp_path / "helper.py").write_text(_HELPER)
@@ -194,6 +195,7 @@ def test_a_lock_excludes_another_process_and_ends_with_its_own_however_that_ends
     give_all_back()
 
 
+@pytest.mark.long
 def test_what_does_not_compile_keeps_no_process_waiting(tmp_path: Path):
     bad = _MODULE.replace("x * 3.0", "x * 3.0 + len([x])")
     (tmp_path / "module.py").write_text(bad)

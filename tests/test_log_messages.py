@@ -80,6 +80,7 @@ BOMBS: dict[str, tuple[list[Chunk], str]] = {
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is read from /proc")
+@pytest.mark.long
 def test_bombs_are_refused_in_one_line_with_little_memory(tmp_path: Path):
     for k, (chunks, _) in enumerate(BOMBS.values()):
         by_hand.write(tmp_path / f"{k}.mcap", chunks)

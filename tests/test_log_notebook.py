@@ -82,6 +82,7 @@ def test_a_title_cannot_break_the_table(flight: rig.Flight):
     assert "<script>" not in html and "&lt;script&gt;" in html and "not finished" in html
 
 
+@pytest.mark.long
 def test_the_cells_of_the_notebook_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     kept, again = (json.loads(PAGE.read_text()) for _ in range(2))

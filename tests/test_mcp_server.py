@@ -418,6 +418,7 @@ def test_folders_that_cannot_be_used_are_refused_before_it_serves(tmp_path: Path
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.long
 def test_a_bundled_scenario_can_be_listed_and_the_folder_is_made(tmp_path: Path):
     told = asked(tmp_path, lambda client: client.call_tool("scenarios", {}))
     assert told.structured_content["f16_pitch_rate_hardover"] == "F-16 pitch-rate hardover"

@@ -104,6 +104,7 @@ def test_without_o_nofollow_a_lock_that_is_a_link_is_refused(tmp_path: Path, mon
     assert not (tmp_path / "precious").exists()
 
 
+@pytest.mark.long
 def test_without_an_interval_timer_a_flight_that_takes_too_long_ends_its_process():
     ran = subprocess.run([sys.executable, "-c", NEVER_ENDS], capture_output=True, text=True, timeout=60, check=False)
     assert (ran.returncode, ran.stdout, ran.stderr) == (1, "in time\n", "")

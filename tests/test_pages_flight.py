@@ -195,6 +195,7 @@ def test_a_threshold_and_counts_are_shown_only_of_a_manager_that_has_them(
 
 
 @outside.needs("chromium")
+@pytest.mark.long
 def test_in_a_browser_every_lane_has_its_name_and_nothing_lies_on_it(split: Path, tmp_path: Path):
     named = {f"pitch_rate {of}" for of in ("channel 1", "channel 2", "channel 3", "channel 4", "pattern", "level")}
     for width, seen in zip((1280, 390), visit(split, tmp_path, 1280, 390), strict=True):

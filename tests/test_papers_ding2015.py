@@ -181,6 +181,7 @@ def test_the_command_writes_page_and_picture_and_one_object(tmp_path: Path):
     assert "prefers-color-scheme: dark" in text and text.count('class="figure"') == 3
 
 
+@pytest.mark.long
 def test_the_command_says_what_does_not_reproduce(tmp_path: Path):
     said = CliRunner().invoke(app, ["study", "ding2015", "--out", str(tmp_path)]).stdout
     assert "K1, columns 5 to 8" in said and "the law has no estimate of F" in said

@@ -68,6 +68,7 @@ def test_an_unknown_base_model_is_refused() -> None:
         load(config(base_model="f1600"))
 
 
+@pytest.mark.long
 def test_an_undeclared_property_is_refused_and_the_process_lives_on() -> None:
     with pytest.raises(BadInput, match="f16 reads 'fcs/flaperon-mix-rad', which is missing"):
         load(config(properties={"fcs/lef-pos-rad": 0.0}))

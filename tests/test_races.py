@@ -86,6 +86,7 @@ def raced(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return folder, [folder / json.loads(line) for line in ran.stdout.splitlines()], request.param
 
 
+@pytest.mark.long
 def test_flights_that_start_together_have_a_log_each_and_every_log_is_whole(raced: tuple[Path, list[Path], int]):
     _, said, processes = raced
     logs = said[: 3 * processes]

@@ -141,6 +141,7 @@ def test_without_a_failure_the_picture_has_the_upper_end_as_a_triangle(
 
 
 @outside.needs("chromium")
+@pytest.mark.long
 def test_in_a_browser_no_column_is_cut_and_no_two_labels_of_a_picture_overlap(
     rig_command, counted, rates: Path, tmp_path: Path
 ):

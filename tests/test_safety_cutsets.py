@@ -214,6 +214,7 @@ def test_a_class_that_a_folder_names_flies_again_with_permission_alone(tmp_path:
     confirm.plans(asked, found, ["f16"], [], 5, 7, Trust("cutsets.json", allow_code=True))[f"f16-{LATENT}"].check()
 
 
+@pytest.mark.long
 def test_a_condition_that_loses_the_signal_without_a_fault_is_refused_before_the_first_flight(
     rig_command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

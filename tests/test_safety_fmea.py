@@ -244,6 +244,7 @@ def test_the_columns_of_the_page_have_every_text_of_a_line_once():
 
 
 @outside.needs("chromium")
+@pytest.mark.long
 def test_in_a_browser_no_column_of_the_page_is_cut(rig_command, gathered, rates: Path, tmp_path: Path):
     gathered({}, {"kind": "offset", "magnitude": 1.0})
     page = tmp_path / "fmea.html"

@@ -303,6 +303,7 @@ def table_of(folder):
     return {path.name: path.read_bytes() for path in sorted((folder / "rounds").glob("*.json"))}
 
 
+@pytest.mark.long
 def test_the_same_search_for_any_workers_and_interruption(tmp_path, rig_command):
     path = written(tmp_path, "def plant(a):\n    time.sleep(0.02)\n    return [0.0, 10.0], {'x': [a, a]}\n")
     (tmp_path / "plan.toml").write_text(
@@ -330,6 +331,7 @@ def test_the_same_search_for_any_workers_and_interruption(tmp_path, rig_command)
     assert code == 0 and json.loads(out)["simulations"] == 44
 
 
+@pytest.mark.long
 def test_a_second_interruption_ends_a_simulation_that_runs(tmp_path):
     begun = tmp_path / "begun"
     path = written(tmp_path, f"def plant(a):\n    open({str(begun)!r}, 'w').close()\n    time.sleep(60)\n")
@@ -372,6 +374,7 @@ def test_an_agent_runs_no_code(tmp_path, monkeypatch):
         rig.search(f"{written(tmp_path, '')}:plant", PLAN, simulations=4)
 
 
+@pytest.mark.long
 def test_jsbsim_is_not_loaded(tmp_path):
     """Neither by rig.search, nor by the command."""
     code = (

@@ -299,6 +299,7 @@ def test_bad_settings_of_tests_are_one_line_and_nothing_is_written(case: str, re
     assert says in err and not Path("o.toml").exists()
 
 
+@pytest.mark.long
 def test_logs_of_ours_take_the_figures_of_their_sensors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rig_command: Command
 ):

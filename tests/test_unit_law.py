@@ -512,6 +512,7 @@ def with_voter(folder: Path, name: str = "pid", voter: dict[str, Any] | None = N
 
 
 @needs_a_compiler
+@pytest.mark.long
 def test_a_unit_may_vote_for_a_law_that_is_another_unit(tmp_path: Path):
     alone, beside = fly(tmp_path, pid(tmp_path)), fly(tmp_path, with_voter(tmp_path))
     assert beside.digest == alone.digest and beside.voter == "unit votes, law pid"

@@ -297,6 +297,7 @@ def test_what_a_command_leaves_ends_with_it(tmp_path: Path, how: str):
     assert marked(mark) == []
 
 
+@pytest.mark.long
 def test_what_a_command_leaves_ends_with_a_rig_that_is_killed(tmp_path: Path):
     import sys
 

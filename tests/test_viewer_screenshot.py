@@ -67,6 +67,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @outside.needs("vulkan")
+@pytest.mark.long
 def test_the_overview_of_a_log_shows_channels_vote_and_truth_apart(flights: tuple[Path, Path], tmp_path: Path) -> None:
     png = tmp_path / "overview.png"
     shot = screenshot(read([flights[0]]), png, 12.0)

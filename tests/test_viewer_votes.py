@@ -186,6 +186,7 @@ def test_the_log_of_a_flight_is_no_votes(tmp_path: Path) -> None:
 
 
 @outside.needs("vulkan")
+@pytest.mark.long
 def test_the_picture_of_a_vote_has_its_views_without_complaints(voted: Path, tmp_path: Path, run: Run) -> None:
     words: list[Any] = ["--config", voted / "vote.toml", "--screenshot", tmp_path / "v.png", "--json"]
     code, out, _ = run("view", voted / "in.csv", *words)

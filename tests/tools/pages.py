@@ -79,6 +79,7 @@ NOT_RUN: Final[dict[str, str]] = {
 # Pages that take more than 2 s of processor time, and why: their tests are marked long. README.md never is.
 LONG: Final = {
     "docs/tutorials/first-campaign.md": "two campaigns",
+    "docs/tutorials/first-flight.md": "flights, a report and logs replayed",
     "docs/tutorials/own-voter.md": "compiles managers",
     "docs/tutorials/safety-case.md": "1308 flights",
     "docs/how-to/compare-managers.md": "a benchmark, four minutes",
