@@ -197,7 +197,7 @@ STRUCTURES = {
     "messages beside chunks": Structure(beside=0.3, summary="bare"),
     "messages beside chunks, all indexed": Structure(beside=0.3),
     "out of order": Structure(shuffled=True, chunk_messages=11, beside=0.1),
-    "channels numbered anew": Structure(numbered=900),
+    "channels renumbered": Structure(numbered=900),
     "what it is about at the end": Structure(about_last=True, summary="none"),
     "records that are not known": Structure(unknown=True, beside=0.2),
     "with checksums": Structure(crcs=True, beside=0.1),

@@ -48,10 +48,10 @@ def _vote_and_diff(log: Path, voted: Path) -> tuple[int, dict[str, Any]]:
     return compared.exit_code, json.loads(compared.output)
 
 
-OFTEN = ("a box", "common hardovers", "a reset")
+QUICK = ("a box", "common hardovers", "a reset")
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in OFTEN else [pytest.mark.long]) for n in FLIGHTS])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.long]) for n in FLIGHTS])
 def test_the_log_of_a_flight_is_voted_as_it_was_in_flight(name: str, tmp_path: Path):
     flight = rig.fly("f16_pitch_rate_hardover", overrides=["duration_s=4", *FLIGHTS[name]], out=tmp_path)
     exit_code, compared = _vote_and_diff(Path(flight.log), tmp_path / "voted.mcap")

@@ -164,13 +164,13 @@ FLOWN = [
 
 
 # One loss of each kind and law is flown by the quick tests.
-OFTEN = (RATES, ATTITUDE, ("static_pressure", "dynamic_pressure"), ("pitch_rate", *ATTITUDE))
+QUICK = (RATES, ATTITUDE, ("static_pressure", "dynamic_pressure"), ("pitch_rate", *ATTITUDE))
 
 
 @pytest.mark.parametrize("name", ["f16", "b747"])
 @pytest.mark.parametrize(
     ("lost", "law", "altitude"),
-    [pytest.param(*case, marks=[] if case[0] in OFTEN else [pytest.mark.long]) for case in FLOWN],
+    [pytest.param(*case, marks=[] if case[0] in QUICK else [pytest.mark.long]) for case in FLOWN],
     ids=lambda x: "+".join(x) if isinstance(x, tuple) else "",
 )
 def test_the_aircraft_flies_on_without(name: str, lost: tuple[str, ...], law: Law, altitude: float) -> None:

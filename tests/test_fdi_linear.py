@@ -33,9 +33,9 @@ SETTINGS = Config(
     max_correction_rad=1.5,
     noise=Noise(rate_noise_rad_sqrt_s=NOISE / RATE_HZ**0.5, drift_sigma_rad_s=0.0, scale_sigma=0.1),
 )
-OFTEN = ((0.9, 1.1), (1.0, 1.0), (1.1, 0.9))  # the quick tests
+QUICK = ((0.9, 1.1), (1.0, 1.0), (1.1, 0.9))  # the quick tests
 PERTURBED = [
-    pytest.param(which, marks=[] if which in OFTEN else [pytest.mark.long])
+    pytest.param(which, marks=[] if which in QUICK else [pytest.mark.long])
     for which in product((0.9, 1.0, 1.1), (0.9, 1.0, 1.1))
 ]
 

@@ -51,11 +51,11 @@ def assert_equal(path: Path, whole: Path) -> None:
     assert LogFile.open(path).complete == LogFile.open(whole).complete
 
 
-OFTEN = ("no summary", "lz4", "messages beside chunks", "out of order", "channels numbered anew", "with checksums")
+QUICK = ("no summary", "lz4", "messages beside chunks", "out of order", "channels renumbered", "with checksums")
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in OFTEN else [pytest.mark.long]) for name in STRUCTURES]
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in STRUCTURES]
 )
 def test_every_structure_holds_the_same_flight(name: str, flown: Path, tmp_path: Path):
     write_again(flown, tmp_path / "b.mcap", STRUCTURES[name])
@@ -227,7 +227,7 @@ def test_servos_and_computers_come_back_too(tmp_path: Path):
     assert_equal(tmp_path / "b.mcap", log)
 
 
-@pytest.mark.parametrize("name", ["no summary", "messages beside chunks", "channels numbered anew", "lz4"])
+@pytest.mark.parametrize("name", ["no summary", "messages beside chunks", "channels renumbered", "lz4"])
 def test_an_output_of_a_vote_is_read_in_another_structure_too(name: str, tmp_path: Path):
     write_again(LOGS / "vote_schema_2.mcap", tmp_path / "b.mcap", STRUCTURES[name])
     whole, found = (read(path, VoteConfig()) for path in (LOGS / "vote_schema_2.mcap", tmp_path / "b.mcap"))

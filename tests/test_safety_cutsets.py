@@ -144,6 +144,15 @@ def small(**given: Any) -> Asked:
     return replace(ASKED, order=1, flights=2, conditions=("manoeuvre-near",), **given)
 
 
+def test_a_folder_of_something_else_is_refused_before_any_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    flown = list[Any]()
+    monkeypatch.setattr(CHECK, lambda *given: flown.append(given))
+    (tmp_path / "mine.txt").write_text("x")
+    with pytest.raises(BadInput, match="is not empty"):
+        fly_sequences(small(), tmp_path, 1)
+    assert not flown and [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
 def test_an_interrupted_enumeration_gives_the_same_tables_with_any_workers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
