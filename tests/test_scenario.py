@@ -291,6 +291,26 @@ def test_slow_tests_of_the_aircraft_go_with_the_sensors_that_they_were_designed_
     assert (SignalConfig.model_validate(table).slow_tests is not None) == kept
 
 
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        ({"pitch_rate": "attitude"}, 0.004),
+        ({"roll_rate": "attitude"}, 0.004),  # of another signal
+        ({"pitch_rate": "angle_of_attack"}, 0.0),
+        ({"pitch_rate": "none"}, 0.0),
+        ({"pitch_rate": 3}, 0.0),  # refused later
+    ],
+)
+def test_the_error_of_a_reference_goes_with_the_source_that_it_was_designed_for(given: dict[str, Any], error: float):
+    tests = {"factor": 1.5, "reference_error": 0.004, "reference_frames": 8.0}
+    of_aircraft = {"redundancy": {"signals": {"pitch_rate": {"threshold": 0.05, "slow_tests": tests}}}}
+    table = lay_over(of_aircraft, {"redundancy": {"references": given}}, "test")["redundancy"]["signals"]["pitch_rate"]
+    assert table["slow_tests"] == {"factor": 1.5, "reference_error": error, "reference_frames": 2000.0 * error}
+    own = {"references": given, "signals": {"pitch_rate": {"slow_tests": {"reference_error": 0.1}}}}
+    table = lay_over(of_aircraft, {"redundancy": own}, "test")["redundancy"]["signals"]["pitch_rate"]
+    assert table["slow_tests"]["reference_error"] == 0.1
+
+
 @pytest.mark.parametrize("given", ["false", "{factor=1.5}"])
 def test_a_log_keeps_the_slow_tests_that_it_flew_with(given: str):
     key = f"redundancy.signals.pitch_rate.slow_tests={given}"

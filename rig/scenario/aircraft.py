@@ -13,6 +13,7 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
+from rig.computer.analytic.reference_sources import Config as Sources
 from rig.core.errors import BadInput, RigError
 from rig.core.files import NOT_WHOLE, bundled, is_file
 from rig.core.frame import INDEX
@@ -24,6 +25,7 @@ DEFAULT: Final = "f16"  # of a scenario that names none
 DESIGNED_AT_HZ: Final = 100.0  # slow-fault tests: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
 TESTS: Final = {"slow_tests": None}  # designed from a sensor's healthy samples, at the bundled aircraft's rate
+ERRORS: Final = ("reference_error", "reference_frames")  # of the source that the aircraft's references have
 LEVELS: Final = ("threshold", "threshold_triplex", "threshold_duplex")
 STALE: Final = {"stale_frames": 0}  # designed by the repeats of a sensor's samples, whatever the threshold
 
@@ -113,7 +115,8 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
     """Return ``below`` without slow-fault tests and a count of stale samples where ``above`` changes the sensors.
 
     A signal with a narrower threshold has no tests: their biases may be as large.  At a lower rate none has tests: a
-    sample is older then, and the aircraft moves further from frame to frame.
+    sample is older then, and the aircraft moves further from frame to frame.  A reference of another source has
+    another error: it is not asked about halves.
     """
     signals, rate_hz = _tables(below.get("redundancy"), "signals"), above.get("rate_hz")
     sensors = [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
@@ -121,7 +124,20 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
     without = [*(INDEX if slower else ()), *_narrowed(signals, _tables(above.get("redundancy"), "signals"))]
     off = {**dict.fromkeys(without, TESTS), **{name: {**TESTS, **STALE} for name in sensors}}
     gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
+    for name in _of_other_sources(below, above):
+        tests = gone.get(name, signals.get(name, {})).get("slow_tests")
+        if isinstance(tests, dict):
+            kept = {key: value for key, value in tests.items() if key not in ERRORS}
+            gone[name] = {**signals[name], "slow_tests": kept | dict.fromkeys(tests.keys() & set(ERRORS), 0.0)}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
+
+
+def _of_other_sources(below: dict[str, Any], above: dict[str, Any]) -> list[str]:
+    """Return the signals whose reference has another source in ``above`` than in ``below``."""
+    present = {name: field.default for name, field in Sources.model_fields.items()}
+    given = (_tables(tables, "redundancy").get("references", {}) for tables in (below, above))
+    before, after = (dict(table) for table in given)
+    return [name for name, source in after.items() if source != {**present, **before}.get(name)]
 
 
 def _narrowed(below: dict[str, dict[str, Any]], above: dict[str, dict[str, Any]]) -> list[str]:
