@@ -229,7 +229,7 @@ class Oracle:
         view.trusted = self.references.trusted  # as this frame left it
         slow, tested = set[int](), set[int]()
         if decided_by != "common":
-            slow = self.slow_faults.summed(view, self.slow_tests.bias)
+            slow = set() if self.slow_tests.at_end(view) else self.slow_faults.summed(view, self.slow_tests.bias)
             tested = self.slow_tests.isolated(view, view.trusted, self.split.whole)
             self.reached("slow beside the tests", slow and self.s.slow_means)
         slow, by = slow | tested, self.slow_tests.by if tested else "slow"

@@ -73,7 +73,10 @@ class SlowFaults:
         return {c: x - middle for c, x in view.use.items()}
 
     def summed(self, view: View, bias: dict[int, float]) -> set[int]:
-        """The channel with the largest sum above the limit, while most are below half of it."""
+        """The channel with the largest sum above the limit, while most are below half of it.
+
+        Where the tests stop near an end of the range, the sums stand still.
+        """
         if not self.s.slow_limit or len(view.use) < 3 or ":" in view.pattern:
             return set()
         reached: dict[int, float] = {}

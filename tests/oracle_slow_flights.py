@@ -10,10 +10,11 @@ from oracle_flights import Flight, Pick, before_the, filtered, slow_faults, with
 
 BESIDE = 1.0 / 1024.0
 STUCK = 0.022  # of two alike, off the truth of the onset
-BY_SQUARES = ("noise", "oscillation")  # of which the tests tell something only after five seconds
+BY_SQUARES = ("noise", "oscillation", "third noise")  # of which the tests tell something only after five seconds
 SINGLE = ("none", "offset", "drift", "noise", "noise", "noise", "oscillation", "stuck")
 PAIRS = ("pair", "pair drift", "pair oscillation", "pair stuck")
-FAULTS = (*SINGLE, *(*PAIRS, "third", "third", "third", "third") * 3)
+FAULTS = (*SINGLE, *(*PAIRS, "third", "third", "third", "third noise") * 3)
+STOP = 3.34375  # an end of the range, where samples are cut off
 
 
 def slow_tests(flight: Flight, pick: Pick) -> Flight:
@@ -28,11 +29,18 @@ def slow_tests(flight: Flight, pick: Pick) -> Flight:
         "slow_skew": pick([0.0, 0.5, 3.0]),
         "slow_reference": pick([0.0, 0.05, 0.02, 0.02, 0.01]),
         "slow_reference_frames": pick([0.0, 1.0]),
+        "high": pick([*[flight.settings.high] * 4, STOP]),
     }
     beside = {name: getattr(flight.settings, name) + BESIDE for name in ("threshold", "reference_threshold")}
     flight = replace(flight, settings=replace(flight.settings, **beside, **more))
     changed = pick([as_it_is, as_it_is, filtered, slow_faults, slow_faults])(flight, pick)
-    return pick([as_it_is, with_commands])(before_the(changed, some_seconds(changed, pick)), pick)
+    return within_range(pick([as_it_is, with_commands])(before_the(changed, some_seconds(changed, pick)), pick))
+
+
+def within_range(flight: Flight) -> Flight:
+    """The flight with every sample above the range cut off at its end."""
+    high = flight.settings.high
+    return replace(flight, samples=[[None if x is None else min(x, high) for x in row] for row in flight.samples])
 
 
 def as_it_is(flight: Flight, _: Pick) -> Flight:
@@ -44,8 +52,9 @@ def some_seconds(flight: Flight, pick: Pick) -> Flight:
     s, random = flight.settings, Random(pick(range(10**6)))
     calm, after, fault = pick([150, 380, 380, 600]), pick([120, 260]), pick(FAULTS)
     calm = 600 if fault in BY_SQUARES else calm
-    after = 260 if fault == "pair stuck" else after
+    after = 260 if fault in ("pair stuck", "third noise") else after
     slope, swing, bias = pick([0.0, 0.002]), pick([0.0, 0.3]), [random.uniform(-0.1, 0.1) for _ in range(4)]
+    apart = pick([0, 20, 20])  # frames, between two that fail before a third
     size, wrong = pick([0.08, 0.15, 0.3, 0.6]) * pick([1, -1]), random.sample(range(s.channels), 2)
     left = random.choice([c for c in range(s.channels) if c != wrong[0]])
     slope, swing = (0.0, 0.0) if fault == "pair stuck" else (slope, swing)
@@ -56,11 +65,11 @@ def some_seconds(flight: Flight, pick: Pick) -> Flight:
         for c in range(4):
             x = truth + bias[c] + random.gauss(0.0, 0.02)
             if k >= calm and c in (wrong if fault.startswith("pair") else wrong[:1]):
-                kind = fault.removeprefix("pair").strip() or "offset"
+                kind = fault.removeprefix("pair").removeprefix("third").strip() or "offset"
                 hold = holds.setdefault(c, truth + bias[c] + STUCK if fault == "pair stuck" else x)
                 x = faulty(kind, x, size, k - calm, random, hold)
-            if fault == "third" and c not in (wrong[0], left) and k > 20:
-                x += 5.0
+            if fault.startswith("third") and c not in (wrong[0], left) and k > 20 + apart * c:
+                x -= 5.0
             row.append(x if c < s.channels and random.random() > 0.001 else None)
         samples.append(row)
         references.append(None if off is None else truth + off + random.gauss(0.0, 0.004))
@@ -72,7 +81,6 @@ def faulty(fault: str, x: float, size: float, k: int, random: Random, hold: floa
     """A sample, ``k`` frames after the onset; hold : that of the onset."""
     moved = {
         "offset": size,
-        "third": size,
         "drift": size * k / 50.0,
         "noise": random.gauss(0.0, abs(size)),
         "oscillation": size * sin(k / 6.0),

@@ -8,6 +8,7 @@ from statistics import median
 from typing import ClassVar
 
 from oracle_answers import Settings, View
+from oracle_slow_noise import SecondDifferences
 
 WAYS = [({0, 1}, {2, 3}), ({0, 2}, {1, 3}), ({0, 3}, {1, 2})]
 
@@ -56,10 +57,12 @@ class SlowTests:
         self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
         self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
         self.vote, self.reference_vote = Mean(), 0.0
+        self.second = SecondDifferences(self.s)
 
     def begin(self, n: int) -> None:
         """Another number of channels."""
         self.level, self.run, self.shaken = n, 0, 0.0
+        self.second.begin()
         self.fast, self.slow = ({c: Mean() for c in range(4)} for _ in range(2))
         self.squares, self.whole = ({c: Mean(self.noise.value) for c in range(4)} for _ in range(2))
         twice = 2.0 if n == 2 else 1.0
@@ -85,6 +88,10 @@ class SlowTests:
             self.rules.add("test: learned again after a reset")
         y = {c: x - self.bias[c] for c, x in view.use.items()}
         m = median(y.values())
+        if self.cut(m):
+            self.rules.add("test: near an end of the range")
+            self.second.frames = 0
+            return set()
         if not self.k:
             self.usual.value = self.last = m
         self.vote.move(cut(self.s.change(median(view.use.values()), m), self.s.within(n)), 100)
@@ -93,6 +100,8 @@ class SlowTests:
         if self.weights >= self.next_limits:
             self.known = min(max(self.weights, 1.0), 2000.0)
             self.next_limits = 1.1 * self.known if self.known < 2000.0 else inf
+        if self.unmoved(view):
+            self.second.frames = 0
         sigma = sqrt(max(self.noise.value, self.shaken, self.s.slow_noise**2))
         a = self.allowance(m, sigma, n)
         shares = self.shares({c: x - m for c, x in y.items()}, a, sigma) if self.k else dict.fromkeys(y, 0.0)
@@ -100,6 +109,10 @@ class SlowTests:
         half_share, way, alike = self.halves(y, rho, a) if self.k and n != 3 else (0.0, 0, False)
         found = self.half(way, half_share if alike else 0.0, rho, trusted, set(y))
         self.by = "slow_halves"
+        noisy = self.second.watch(self.moved, y, self.k, self.halves_noise.value) if self.k else set[int]()
+        if noisy and not found:
+            self.rules.add("test: the noisy of two")
+            self.by, found = "slow_squares", noisy
         stopped = (alike and half_share * self.s.slow_halves > 0.5) or ":" in view.pattern or n < 3
         if not found and not stopped:
             found = self.one(shares)
@@ -107,12 +120,27 @@ class SlowTests:
             self.learn(y, m, rho, sigma, a)
         return found
 
+    def at_end(self, view: View) -> bool:
+        """Whether the tests are on, and the middle is so near an end of the range."""
+        middle = median([x - self.bias[c] for c, x in view.use.items()] or [0.0])
+        return bool(self.s.slow_means) and self.cut(middle)
+
+    def cut(self, m: float) -> bool:
+        """Whether a healthy sample may be cut off at an end of the range, as near as the middle is to it."""
+        margin = 2.0 * self.s.slow_bias + self.s.slow_scale * abs(m) + 8.0 * self.s.slow_noise
+        return not self.s.turn and not self.s.low + margin <= m <= self.s.high - margin
+
+    def unmoved(self, view: View) -> bool:
+        """Whether what the middle moves is the split's."""
+        return ":" in view.pattern and len(view.use) > 2
+
     def allowance(self, m: float, sigma: float, n: int) -> float:
         """What motion alone may do to a residual."""
-        change, self.last = self.s.change(m, self.last), m
-        self.v = max(abs(self.change.move(change, 16)), 0.99 * self.v)
-        if n > 2:
-            self.v = max(self.v, abs(change) - 3.0 * sigma)
+        self.moved, self.last = self.s.change(m, self.last), m
+        if self.second.frames:
+            self.v = max(abs(self.change.move(self.moved, 16)), 0.99 * self.v)
+        if self.second.frames and n > 2:
+            self.v = max(self.v, abs(self.moved) - 3.0 * sigma)
         return 2.0 * self.s.slow_scale * abs(self.s.change(m, self.usual.value)) + self.s.slow_skew * self.v
 
     def shares(self, residuals: dict[int, float], a: float, sigma: float) -> dict[int, float]:
@@ -222,11 +250,19 @@ class SlowTests:
         usual = max(self.noise.value, self.s.slow_noise**2)
         return usual / (usual + (self.s.slow_skew * self.change.value) ** 2)
 
+    def step(self, sigma: float, a: float) -> float:
+        """Up to which a residual is learned."""
+        return self.limit(16.0, self.s.slow_means) / (1.0 - exp(-14.0 / 16.0)) * sigma + a
+
+    def known_by(self, weight: float) -> float:
+        """What a frame adds to what is known."""
+        return weight
+
     def learn(self, y: dict[int, float], m: float, rho: float | None, sigma: float, a: float) -> None:
         """Move what is learned."""
-        most = self.limit(16.0, self.s.slow_means) / (1.0 - exp(-14.0 / 16.0)) * sigma + a if self.k else inf
+        most = self.step(sigma, a) if self.k else inf
         weight = self.weight()
-        self.weights += weight
+        self.weights += self.known_by(weight)
         share = weight / min(self.weights, 1000.0)
         self.usual.value += share * self.s.change(m, self.usual.value)
         bound = self.s.slow_bias + 1.6 * self.s.slow_scale * abs(self.usual.value)

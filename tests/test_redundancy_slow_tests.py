@@ -302,6 +302,43 @@ def test_a_reference_that_jumps_while_two_are_left_isolates_none():
         assert [vote(samples, reference).failed_at()[c] for c in (0, 2)] == [None, None]
 
 
+def test_a_split_that_two_faults_make_is_no_motion_of_the_aircraft():
+    """Two hardovers at once move the middle by thresholds: with a skew this once hid other faults for seconds."""
+    for at_once in (True, False):
+        samples = noise(18, 4000)
+        samples[1500:, 1] += 5.0
+        samples[1500 if at_once else 1600 :, 3] += 5.0
+        samples[1650:, 0] += 0.15
+        failed = vote(samples, truth(18, 4000), tests={"skew_frames": 0.5}).failed_at()
+        assert 1650 < (failed[0] or 0) < 1850 and failed[2] is None, (at_once, failed)
+
+
+def at_a_stop(seed: int, rests: bool) -> Any:
+    """A lever moved from stop to stop: samples end at the ends of the range, -1 and 1."""
+    moved = np.concatenate([np.zeros(1000), np.ones(200), -np.ones(200), np.zeros(2600)])
+    samples = noise(seed, 4000) + np.array([0.06, -0.05, 0.04, -0.06]) + moved[:, None]
+    return np.clip(samples, -1.0, 1.0) if rests else samples
+
+
+def test_samples_that_are_cut_off_at_a_stop_isolate_no_channel_after_it():
+    """What is cut off at one end, and not at the other, was once learned as a bias."""
+    for seed in SEEDS:
+        samples = at_a_stop(seed, rests=True)
+        assert vote(samples, limits=(-1.0, 1.0)).failed_at() == [None] * 4, seed
+        assert vote(samples, limits=(-1.0, 1.0), slow_allowance=0.02, slow_limit=0.1).failed_at() == [None] * 4, seed
+        samples[2000:, 1] += 0.08
+        failed = vote(samples, limits=(-1.0, 1.0)).failed_at()
+        assert 2000 < (failed[1] or 0) < 2130 and [failed[c] for c in (0, 2, 3)] == [None] * 3, seed
+
+
+def test_a_fault_that_lasts_at_a_stop_is_found_when_the_lever_leaves_it():
+    samples = at_a_stop(3, rests=False)
+    samples[1250:, 2] += 0.15
+    stopped = np.clip(samples, -1.0, 1.0)
+    assert 1400 <= (vote(stopped, limits=(-1.0, 1.0)).failed_at()[2] or 0) < 1500
+    assert 1250 <= (vote(samples).failed_at()[2] or 0) < 1350  # where the range does not end
+
+
 def test_a_channel_that_is_readmitted_is_learned_again():
     samples = noise(15, 4000) + np.array([0.0, 0.0, 0.1, 0.0])
     samples[1000:1100, 2] += 5.0

@@ -26,7 +26,16 @@ from rig.unit.unit_records import CONFIG, INPUT, OUTPUT, members
 from rig.unit.vectors import Case, differences, load
 
 SOURCES = (
-    *("monitor.c", "compare.c", "trend.c", "slow_faults.c", "slow_tests.c", "slow_halves.c", "tie_break.c"),
+    *(
+        "monitor.c",
+        "compare.c",
+        "trend.c",
+        "slow_faults.c",
+        "slow_tests.c",
+        "slow_halves.c",
+        "slow_noise.c",
+        "tie_break.c",
+    ),
     *("references.c", "persistence.c", "boxes.c", "rules.c", "discretes.c"),
 )
 FILES = [*(EXAMPLES / name for name in SOURCES), EXAMPLES / "monitor.h"]

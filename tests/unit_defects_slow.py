@@ -47,7 +47,7 @@ OF_HALVES = [
         "(smaller(d * d, steps.square) - h->energy[w]) * gain",
         "((d * d) - h->energy[w]) * gain",
     ),
-    Defect("halves decide by their mean alone", "((h->energy[way] / healthy) - 1.0) / square_limit", "0.0"),
+    Defect("halves decide by their mean alone", "(h->energy[way] - healthy) / (healthy * h->square_limit)", "0.0"),
     Defect(
         "of the last two the lower sample is the first half",
         "(t->order[0] < t->order[1]) ? t->order[0] : t->order[1]",
@@ -55,4 +55,24 @@ OF_HALVES = [
     ),
     Defect("halves of four in one way alone", "return 1U | (2U << way);", "return 1U | ((way < 0) ? 0U : 2U);"),
 ]
-SLOW_DEFECTS = [*SUMS, *OF_MEANS, *OF_HALVES]
+OF_NOISE = [
+    Defect("of two the quiet one is isolated", "((a < b) == (s->rougher > 0.0))", "((a < b) == (s->rougher < 0.0))"),
+    Defect("the noise of two is told by no second difference", "= moved - s->last_moved;", "= moved;"),
+    Defect("a burst counts in the noise of two in full", "clamp(apart * turn, -step, step)", "(apart * turn)"),
+]
+OF_MOTION = [
+    Defect(
+        "the middle of a split moves as the aircraft",
+        "if (split && (f->n > 2)) {",
+        "if (split && (f->n > RIG_CHANNELS)) {",
+    ),
+    Defect(
+        "tests at the end of the range", "if (tests_is_cut(m, p, t)) {", "if (tests_is_cut(m, p, t) && (f->n < 0)) {"
+    ),
+    Defect(
+        "sums at the end of the range",
+        "if (tests_is_cut(m, p, &s->slow_tests)) {",
+        "if (tests_is_cut(m, p, &s->slow_tests) && (f->n < 0)) {",
+    ),
+]
+SLOW_DEFECTS = [*SUMS, *OF_MEANS, *OF_HALVES, *OF_NOISE, *OF_MOTION]

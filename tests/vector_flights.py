@@ -213,7 +213,8 @@ def tested(seed: int) -> Flown:
     references = [coarse(x, 1 / 1024) for x in flight.references]
     commanded = (*map(Reset, flight.resets), *[NO_RESET] * LONG)[:LONG]
     flight = slow_faults(replace(flight, samples=samples, references=references), LONG)
-    return Flown(flight, resets=commanded, readmit_frames=flight.readmit_frames)
+    high = min(flight.settings.high, RANGE)
+    return Flown(flight, high=high, resets=commanded, readmit_frames=flight.readmit_frames)
 
 
 def ruled(seed: int) -> Flown:

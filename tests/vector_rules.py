@@ -28,7 +28,7 @@ class Other(ResettableOracle):
 
     def __post_init__(self) -> None:
         self.split, self.trend, self.slow_faults = self.splits(), self.trends(), self.repeated(self.s)
-        self.slow_tests = self.tests(self.s)
+        self.slow_tests = self.tests(self.s, repeats=self.slow_faults.repeats)
         self.references = self.told(self.s)
 
 
@@ -415,6 +415,17 @@ class LearnsEvenly(Other):
     tests = _Evenly
 
 
+class _KnownByFrames(SlowTests):
+    def known_by(self, weight: float) -> float:
+        return 1.0
+
+
+class KnownByFrames(Other):
+    """A frame in motion adds as much to what is known as any other."""
+
+    tests = _KnownByFrames
+
+
 class _WeightsKept(SlowTests):
     weights = 0.0
 
@@ -464,6 +475,39 @@ class IsolatedBesideOthers(Other):
     """A channel is isolated whatever the shares of the others are."""
 
     tests = _NotAlone
+
+
+class _NeverCut(SlowTests):
+    def cut(self, m: float) -> bool:
+        return False
+
+
+class TestedAtTheStop(Other):
+    """Residuals are tested and learned at an end of the range too."""
+
+    tests = _NeverCut
+
+
+class _MovedBySplits(SlowTests):
+    def unmoved(self, view: View) -> bool:
+        return False
+
+
+class MovedBySplits(Other):
+    """What the middle moves in a split is the aircraft's."""
+
+    tests = _MovedBySplits
+
+
+class _LearnsBursts(SlowTests):
+    def step(self, sigma: float, a: float) -> float:
+        return inf
+
+
+class LearnsBursts(Other):
+    """A residual is learned in full, however large."""
+
+    tests = _LearnsBursts
 
 
 class _NoneStands(SlowTests):

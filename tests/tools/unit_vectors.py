@@ -332,24 +332,21 @@ TESTED: list[tuple[str, list[Wanted]]] = [
     (
         "slow-fault tests isolate one channel by its means or its squares, or one half by the reference",
         [
-            *reached(
-                *(
-                    f"test: {said}"
-                    for said in ("one by slow_means", "one by slow_squares", "a half of 2", "a half of 4")
-                )
-            ),
+            *reached(*(f"test: {said}" for said in ("one by slow_means", "one by slow_squares", "the noisy of two"))),
+            *reached("test: a half of 2", "test: a half of 4"),
             *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.HalvesByAnySlope),
             *otherwise(vector_rules.ReferenceAskedEarly, vector_rules.ReferenceAsKnownAtALevel),
+            *otherwise(vector_rules.LearnsBursts),
         ],
     ),
     (
-        "they are limited, learn, allow for motion and for channels that stand still, and begin again after a reset",
+        "they are limited, learn, allow for motion, for a stop and for channels that stand still, and begin again",
         [
             *without(slow_scale=0.0, slow_skew=0.0, slow_reference_frames=0.0, slow_bias=100.0, slow_noise=1e-4),
             *without(slow_squares=1.1, slow_halves=1.1),
             *otherwise(vector_rules.KeptAfterReset, vector_rules.WeightsKeptAfterReset),
-            *otherwise(vector_rules.SlowKeptAtALevel, vector_rules.LearnsEvenly),
-            *otherwise(vector_rules.IsolatedBesideStill),
+            *otherwise(vector_rules.SlowKeptAtALevel, vector_rules.LearnsEvenly, vector_rules.KnownByFrames),
+            *otherwise(vector_rules.IsolatedBesideStill, vector_rules.TestedAtTheStop, vector_rules.MovedBySplits),
             *reached("test: one by slow_squares"),
         ],
     ),

@@ -29,6 +29,14 @@ double tests_middle(const struct frame *f, struct slow_tests *t)
     return 0.0;
 }
 
+bool tests_is_cut(double m, params *p, const struct slow_tests *t)
+{
+    (void)m;
+    (void)p;
+    (void)t;
+    return false;
+}
+
 unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
 {
     (void)f;

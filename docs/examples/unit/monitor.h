@@ -6,6 +6,7 @@
  * slow_faults.c  sums of small deviations, samples that repeat
  * slow_tests.c   slow-fault tests: three means of each channel's residual
  * slow_halves.c  slow-fault tests: two channels that are wrong alike, or two that are left
+ * slow_noise.c   slow-fault tests: the noisy one of two that are left
  * tie_break.c    splits
  * references.c   the references' own monitor, the last channel, two references against all channels
  * persistence.c  counts, answers that last, latched failures, readmission
@@ -54,7 +55,8 @@ struct slow_faults {
 #define TESTS_SLOW 100.0      /* frames of a slow mean */
 #define TESTS_LEARNING 1000.0 /* frames of the mean that a bias is */
 #define TESTS_BURST 14.0      /* frames that the largest steps need to reach a limit */
-#define TESTS_MEANS_FROM 200  /* frames that are learned before a mean tells anything */
+#define TESTS_MEANS_FROM 200  /* frames that are learned before a mean tells anything, */
+#define TESTS_SQUARES_FROM 500 /* and before one of squares does */
 
 /* Differences D of halves of the channels of one signal, by the way to halve them: first half less second. */
 struct halves {
@@ -63,10 +65,26 @@ struct halves {
     double whole[WAYS];   /* the same without the allowance for motion */
     double square[WAYS];  /* mean square of what counts in the product */
     double product[WAYS]; /* with the reference's difference from the median */
+    double limit;         /* of a mean, over the deviation of the noise, */
+    double square_limit;  /* of a mean square, over its variance, less 1 */
+    double of_frames;     /* reciprocal of frames that are learned, at most TESTS_SLOW */
     double noise;         /* variance of the way that has least, its mean, */
     double shaken;        /* and of the last second */
+    double apart;         /* difference of the first two halves in this frame */
     double share;         /* of its limit, of the way that has most */
     int run;              /* frames in a row: above zero the second half is wrong, below zero the first */
+};
+
+/* Second differences of the middle, and of D, the difference of two channels that are left. */
+struct noise {
+    int64_t turns;                 /* frames since another number of channels, or since a split of more than two */
+    double change;                 /* of the middle, from the last frame, */
+    double last_change;            /* and before that */
+    double last_apart, last_moved; /* D of the last frame and its change */
+    double shared;   /* mean product of those of both channels; of more channels mean square of the middle's */
+    double roughest; /* largest one, less its noise */
+    double rough;    /* mean square of those of D, of limited steps, */
+    double rougher;  /* and mean of those of D times those of the middle, the same */
 };
 
 /* Slow-fault tests of one signal. */
@@ -78,7 +96,7 @@ struct slow_tests {
     int level;                   /* channels of which the means are */
     double bias[RIG_CHANNELS];
     double value[RIG_CHANNELS];  /* samples without it, */
-    int order[RIG_CHANNELS];     /* and the channels by ascending value */
+    int order[RIG_CHANNELS];     /* and the channels of which it is */
     double fast[RIG_CHANNELS];   /* means of residuals, in units of the noise, */
     double slow[RIG_CHANNELS];
     double square[RIG_CHANNELS]; /* and of their squares, in the square of the signal's unit; */
@@ -89,6 +107,9 @@ struct slow_tests {
     double fast_limit, slow_limit, square_limit;
     double fast_step, slow_step, square_step; /* largest residual that counts, in the same units */
     double limits_until;         /* what is known when they are renewed */
+    double of_fast, of_slow, of_square; /* reciprocals: of the limits, */
+    double of_learned;           /* of frames that are learned, at most TESTS_LEARNING, */
+    double of_squares;           /* and at most those of the mean of squares */
     double usual_middle;         /* mean of the middle over the frames of which the biases are */
     double last_middle;
     double rate;                 /* mean change of the middle a frame, */
@@ -99,6 +120,7 @@ struct slow_tests {
     int64_t reference_learned;   /* frames */
     double reference_off;        /* of this frame, without its bias; NaN: none */
     struct halves halves;
+    struct noise second;         /* differences */
 };
 
 /* What the trend bytes say. */
@@ -314,8 +336,12 @@ void tests_readmit(const bool failed[RIG_CHANNELS], struct signal *s);
 /* Whether a signal is tested, and so the biases of its channels are learned. */
 bool tests_run(const struct slow_tests *t);
 
-/* The median of the ranked samples without their biases, which it ranks again. */
+/* The median of the ranked samples without their biases; their ranks are others, of which none but the middle is needed. */
 double tests_middle(const struct frame *f, struct slow_tests *t);
+
+/* Whether m, the middle, is so near an end of the range that a healthy sample may be cut off there: what is cut off is missing in
+ * the mean, which would then be taken for a bias. */
+bool tests_is_cut(double m, params *p, const struct slow_tests *t);
 
 /* The share of a constant that a mean over as many frames reaches within TESTS_BURST frames. */
 double tests_reached(double frames);
@@ -333,6 +359,15 @@ int halves_suspect(int n, double allowed, struct slow_tests *t);
 
 /* The half, bits, that the slope has decided against for long enough; `usable`: the reference may be asked. */
 unsigned halves_isolate(int way, int n, bool usable, struct slow_tests *t);
+
+/* ---- slow_noise.c ---- */
+
+/* Begin all means again. */
+void noise_begin(struct noise *s);
+
+/* Move the means of the second differences by a frame; the bit of the noisy one of two channels, 0 for none.  With more channels
+ * only the motion is followed. */
+unsigned noise_isolate(int n, struct slow_tests *t);
 
 /* ---- tie_break.c ---- */
 

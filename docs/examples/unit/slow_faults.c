@@ -119,6 +119,9 @@ static int watch(const struct frame *f, params *p, struct signal *s)
         return NO_CHANNEL;
     }
     const double m = middle(f, s);
+    if (tests_is_cut(m, p, &s->slow_tests)) {
+        return NO_CHANNEL;
+    }
     const double most = limit / ((double)p->persistence - 0.5);
     double largest = limit;
     int worst = NO_CHANNEL;

@@ -68,7 +68,7 @@ struct steps {
 static void move_way(int w, double apart, struct steps steps, double allowed, struct slow_tests *t)
 {
     struct halves *const h = &t->halves;
-    const double gain = 1.0 / smaller(TESTS_SLOW, (double)t->learned);
+    const double gain = h->of_frames;
     const double limited = clamp(apart, -steps.most, steps.most);
     const double d = copysign(larger(fabs(limited) - allowed, 0.0), limited);
     h->whole[w] += (smaller(limited * limited, steps.square) - h->whole[w]) * gain;
@@ -90,11 +90,10 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     const double least_noise = t->set->slow_noise * t->set->slow_noise;
     const double healthy = (four ? 1.0 : 2.0) * larger(larger(h->noise, h->shaken), least_noise);
     const double sigma = sqrt(healthy);
-    const double mean_limit = (t->slow_limit * (t->set->slow_halves / t->set->slow_means)) * sigma;
-    const double square_limit = (1.2 * t->square_limit) * (t->set->slow_halves / t->set->slow_squares);
+    const double mean_limit = h->limit * sigma;
     struct steps steps;
-    steps.mean = mean_limit / tests_reached(TESTS_SLOW);
-    steps.square = healthy * (1.0 + (square_limit / tests_reached(TESTS_SLOW)));
+    steps.mean = mean_limit * (1.0 / tests_reached(TESTS_SLOW));
+    steps.square = healthy * (1.0 + (h->square_limit * (1.0 / tests_reached(TESTS_SLOW))));
     steps.most = larger(steps.mean, 2.8 * reference_error(t));
     double apart[WAYS] = {0.0};
     double first = 0.0;
@@ -102,6 +101,7 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     double least = (double)INFINITY;
     int way = 0;
     const int ways = write_apart(n, apart, t);
+    h->apart = apart[0];
     for (int w = 0; w < ways; w++) {
         move_way(w, apart[w], steps, (four ? 1.5 : 2.0) * allowed, t);
         least = smaller(least, h->whole[w]);
@@ -115,12 +115,12 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     }
     if (four) {
         h->shaken = least;
-        h->noise += (least - h->noise) / smaller((double)t->learned, TESTS_LEARNING);
+        h->noise += (least - h->noise) * t->of_learned;
     }
     if (t->learned < TESTS_MEANS_FROM) {
         return no_half(t);
     }
-    h->share = larger(fabs(h->mean[way]) / mean_limit, ((h->energy[way] / healthy) - 1.0) / square_limit);
+    h->share = larger(fabs(h->mean[way]) / mean_limit, (h->energy[way] - healthy) / (healthy * h->square_limit));
     return ((n == 2) || (second < (ALONE * first))) ? way : NO_WAY;
 }
 

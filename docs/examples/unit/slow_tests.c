@@ -3,7 +3,7 @@
  * docs/explanation/decisions.md of that name.  A residual is a sample, less what is learned of its channel (its bias), less the
  * median of all channels without theirs.  A fast and a slow mean find offsets, drifts and frozen samples, a mean of squares finds
  * noise and oscillation; an error of fewer frames than BURST moves none to its limit.  Nothing here moves a vote: slow_halves.c
- * has two channels that are wrong alike, or two that are left.
+ * has two channels that are wrong alike, or two that are left, and slow_noise.c the noisy one of two that are left.
  */
 #include <string.h>
 
@@ -11,9 +11,9 @@
 
 #define FAST 16.0       /* frames of the fast mean, */
 #define SQUARE 128.0    /* and of that of squares */
+#define CUT 8.0         /* slow_noise, four standard deviations of the data sheet */
 #define LEAST 2.0       /* noise of the data sheet over slow_noise, the least that is reckoned with */
 #define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
-#define SQUARES_FROM 500 /* frames that are learned before the mean of squares tells anything */
 #define STILL 14 /* frames that a sample has repeated of a channel that stands still */
 #define CALM 0.5        /* of a limit */
 
@@ -40,6 +40,7 @@ static void forget(struct slow_tests *t)
     t->rate = 0.0;
     t->motion = 0.0;
     t->halves.noise = 0.0;
+    t->second.roughest = 0.0;
     memset(t->bias, 0, sizeof t->bias);
     memset(t->share, 0, sizeof t->share);
 }
@@ -67,8 +68,30 @@ double tests_middle(const struct frame *f, struct slow_tests *t)
         t->value[c] = f->x[c] - t->bias[c];
         t->order[i] = c;
     }
-    compare_sort(t->value, t->order, f->n);
-    return mean(t->value[t->order[(f->n - 1) / 2]], t->value[t->order[f->n / 2]], 0.5);
+    const double a = t->value[t->order[0]];
+    const double b = t->value[t->order[f->n - 1]];
+    double low = smaller(a, b);
+    double high = larger(a, b);
+    if (f->n == RIG_CHANNELS) {
+        const double c = t->value[t->order[1]];
+        const double d = t->value[t->order[2]];
+        const double one = larger(low, smaller(c, d));
+        const double other = smaller(high, larger(c, d));
+        low = smaller(one, other);
+        high = larger(one, other);
+    } else if (f->n == 3) {
+        low = larger(low, smaller(high, t->value[t->order[1]]));
+        high = low;
+    } else {
+        /* of two the mean, of one itself */
+    }
+    return mean(low, high, 0.5);
+}
+
+bool tests_is_cut(double m, params *p, const struct slow_tests *t)
+{
+    const double margin = ((2.0 * t->set->slow_bias) + (t->set->slow_scale * fabs(m))) + (CUT * t->set->slow_noise);
+    return (p->wraps == 0) && ((m > (p->high - margin)) || (m < (p->low + margin)));
 }
 
 /* Move the mean of what the biases move the vote, off the middle without them. */
@@ -92,6 +115,7 @@ static void begin_again(int n, struct slow_tests *t)
         t->whole[c] = t->noise;
     }
     halves_begin(n, t);
+    noise_begin(&t->second);
 }
 
 /* The limits for what is known of the biases: white noise of variance 1 leaves 1 / (2 T) in a mean over T frames, 1 / W at most in
@@ -105,6 +129,11 @@ static void renew_limits(settings *set, struct slow_tests *t)
     t->fast_step = t->fast_limit / tests_reached(FAST);
     t->slow_step = t->slow_limit / tests_reached(TESTS_SLOW);
     t->square_step = 1.0 + (t->square_limit / tests_reached(SQUARE));
+    t->of_fast = 1.0 / t->fast_limit;
+    t->of_slow = 1.0 / t->slow_limit;
+    t->of_square = 1.0 / t->square_limit;
+    t->halves.limit = t->slow_limit * (set->slow_halves / set->slow_means);
+    t->halves.square_limit = (1.2 * t->square_limit) * (set->slow_halves / set->slow_squares);
     t->limits_until = (known < (2.0 * TESTS_LEARNING)) ? (1.1 * known) : (double)INFINITY;
 }
 
@@ -113,15 +142,28 @@ double tests_reached(double frames)
     return 1.0 - exp(-TESTS_BURST / frames);
 }
 
-/* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling. */
+/* Set the shares of a frame in means over what is learned, while this is less than their frames. */
+static void renew_gains(struct slow_tests *t)
+{
+    const double learned = (double)t->learned;
+    t->of_learned = 1.0 / smaller(learned, TESTS_LEARNING);
+    t->of_squares = 1.0 / smaller(learned, SQUARE);
+    t->halves.of_frames = 1.0 / smaller(learned, TESTS_SLOW);
+}
+
+/* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling.  The first change of the
+ * middle after another number of channels, or after a split, is none of the aircraft. */
 static double allowance(double m, double moved, double sigma, int n, params *p, struct slow_tests *t)
 {
     const double change = difference(m, t->last_middle, p);
     t->last_middle = m;
-    t->rate += (change - t->rate) / FAST;
-    t->motion = larger(fabs(t->rate), t->motion * (1.0 - (1.0 / TESTS_SLOW)));
-    if (n > 2) {
-        t->motion = larger(t->motion, fabs(change) - (3.0 * sigma));
+    t->second.change = change;
+    if (t->second.turns > 0) {
+        t->rate += (change - t->rate) * (1.0 / FAST);
+        t->motion = larger(fabs(t->rate), t->motion * (1.0 - (1.0 / TESTS_SLOW)));
+        if (n > 2) {
+            t->motion = larger(t->motion, fabs(change) - (3.0 * sigma));
+        }
     }
     return ((2.0 * t->set->slow_scale) * fabs(moved)) + (t->set->slow_skew * t->motion);
 }
@@ -133,20 +175,20 @@ static double share_of(int c, double per_variance, const struct slow_tests *t)
 {
     double share = 0.0;
     if (t->learned >= TESTS_MEANS_FROM) {
-        share = larger(fabs(t->fast[c]) * (1.0 / t->fast_limit), fabs(t->slow[c]) * (1.0 / t->slow_limit));
+        share = larger(fabs(t->fast[c]) * t->of_fast, fabs(t->slow[c]) * t->of_slow);
     }
-    if (t->learned >= SQUARES_FROM) {
-        share = larger(share, ((t->square[c] * per_variance) - 1.0) * (1.0 / t->square_limit));
+    if (t->learned >= TESTS_SQUARES_FROM) {
+        share = larger(share, ((t->square[c] * per_variance) - 1.0) * t->of_square);
     }
     return share;
 }
 
 /* Move the means and the common noise, which is the second lowest (of two: the lowest); the channel with the largest share. */
-static int move_means(double m, double allowed, double variance, int n, struct slow_tests *t)
+static int move_means(double m, double allowed, double sigma, int n, struct slow_tests *t)
 {
-    const double one = 1.0 / sqrt(variance);
-    const double most = t->square_step * variance;
-    const double gain = 1.0 / smaller(SQUARE, (double)t->learned);
+    const double one = 1.0 / sigma;
+    const double most = (t->square_step * sigma) * sigma;
+    const double gain = t->of_squares;
     double lowest = (double)INFINITY;
     double second = (double)INFINITY;
     int worst = t->order[0];
@@ -165,7 +207,7 @@ static int move_means(double m, double allowed, double variance, int n, struct s
         worst = (t->share[c] > t->share[worst]) ? c : worst;
     }
     t->shaken = (n > 2) ? second : lowest;
-    t->noise += (t->shaken - t->noise) / smaller((double)t->learned, TESTS_LEARNING);
+    t->noise += (t->shaken - t->noise) * t->of_learned;
     return worst;
 }
 
@@ -190,8 +232,8 @@ static unsigned isolate_one(int worst, int n, struct slow_tests *t)
     for (int i = 0; i < n; i++) {
         calm += (t->share[t->order[i]] < (CALM * t->share[worst])) ? 1 : 0;
     }
-    const double fast = fabs(t->fast[worst]) * (1.0 / t->fast_limit);
-    const double slow = fabs(t->slow[worst]) * (1.0 / t->slow_limit);
+    const double fast = fabs(t->fast[worst]) * t->of_fast;
+    const double slow = fabs(t->slow[worst]) * t->of_slow;
     const bool by_means = larger(fast, slow) >= t->share[worst];
     const double sheet = t->set->slow_noise * LEAST;
     const bool noisy = t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit));
@@ -214,7 +256,7 @@ static void learn(double m, double moved, double step, const struct frame *f, st
     const double skewed = t->set->slow_skew * t->rate;
     const double weight = noise / (noise + (skewed * skewed));
     t->known += weight;
-    const double gain = weight / smaller(t->known, TESTS_LEARNING);
+    const double gain = (t->known > TESTS_LEARNING) ? (weight * (1.0 / TESTS_LEARNING)) : (weight / t->known);
     t->usual_middle += gain * moved;
     const double furthest = t->set->slow_bias + ((1.6 * t->set->slow_scale) * fabs(t->usual_middle));
     for (int i = 0; i < f->n; i++) {
@@ -222,6 +264,9 @@ static void learn(double m, double moved, double step, const struct frame *f, st
         t->bias[c] = clamp(t->bias[c] + (gain * clamp(t->value[c] - m, -most, most)), -furthest, furthest);
     }
     t->learned++;
+    if (t->learned <= (int64_t)TESTS_LEARNING) {
+        renew_gains(t);
+    }
     if (isfinite(t->reference_off)) {
         const double share = 1.0 / smaller((double)t->reference_learned + 1.0, TESTS_LEARNING);
         const double bias = t->reference_bias + (share * t->reference_off);
@@ -244,6 +289,10 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     if (!isfinite(m)) { /* differences near the largest number */
         return 0U;
     }
+    if (tests_is_cut(m, p, t)) {
+        t->second.turns = 0;
+        return 0U;
+    }
     if (t->learned == 0) {
         t->usual_middle = m;
         t->last_middle = m;
@@ -255,20 +304,30 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     if (t->known >= t->limits_until) {
         renew_limits(t->set, t);
     }
+    const bool split = is_split(s->pattern);
+    if (split && (f->n > 2)) { /* a middle of no majority moves as no aircraft does */
+        t->second.turns = 0;
+    }
     const double variance = larger(larger(t->noise, t->shaken), t->set->slow_noise * t->set->slow_noise);
+    const double sigma = sqrt(variance);
     const double moved = difference(m, t->usual_middle, p);
-    const double allowed = allowance(m, moved, sqrt(variance), f->n, p, t);
-    const int worst = (t->learned > 0) ? move_means(m, allowed, variance, f->n, t) : 0;
+    const double allowed = allowance(m, moved, sigma, f->n, p, t);
+    const int worst = (t->learned > 0) ? move_means(m, allowed, sigma, f->n, t) : 0;
     t->reference_off = difference(f->reference - t->reference_bias, m, p);
     const int way = halves_suspect(f->n, allowed, t);
     unsigned bits = halves_isolate(way, f->n, s->reference_usable, t);
+    const unsigned noisy = noise_isolate(f->n, t);
+    if ((bits == 0U) && (noisy != 0U)) {
+        bits = noisy;
+        t->by = RIG_DECIDED_BY_SLOW_SQUARES;
+    }
     const bool suspected = (way >= 0) && ((t->halves.share * t->set->slow_halves) > CALM);
     const bool beside = is_beside_still(worst, f->n, &s->slow_faults);
-    if ((bits == 0U) && (f->n > 2) && !is_split(s->pattern) && !suspected && !beside) {
+    if ((bits == 0U) && (f->n > 2) && !split && !suspected && !beside) {
         bits = isolate_one(worst, f->n, t);
     }
     if ((bits == 0U) && (s->pattern == RIG_PATTERN_NORMAL) && (larger(t->share[worst], t->halves.share) < CALM)) {
-        learn(m, moved, (t->fast_step * sqrt(variance)) + allowed, f, t);
+        learn(m, moved, (t->fast_step * sigma) + allowed, f, t);
     }
     return bits;
 }

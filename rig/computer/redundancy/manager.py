@@ -18,7 +18,7 @@ from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet, sum_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
-from rig.computer.redundancy.slow_tests import forget_tests, isolate_slow
+from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
@@ -181,7 +181,9 @@ def slow_of(reference, n, p, st):
     st["tests"]["by"] = DecidedBy.NONE.value
     summed = slow_faults.NO_CHANNEL
     if p["slow_limit"] > 0.0 and n > 2:
-        summed = slow_faults.watch_sums(slow_faults.summed_from(n, reference, p, st), n, p, st)
+        m = slow_faults.summed_from(n, reference, p, st)
+        if not is_cut(m, p):
+            summed = slow_faults.watch_sums(m, n, p, st)
     tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
@@ -202,7 +204,8 @@ def vote_quiet(reference, second, n, p, st):
         bits = 0
         if decided_by == DecidedBy.NONE:
             if p["slow_limit"] > 0.0 and n > 2:
-                summed = sum_quiet(slow_faults.summed_from(n, reference, p, st), n, p, st)
+                m = slow_faults.summed_from(n, reference, p, st)
+                summed = slow_faults.NO_CHANNEL if is_cut(m, p) else sum_quiet(m, n, p, st)
                 bits |= 0 if summed == slow_faults.NO_CHANNEL else 1 << summed
             bits |= isolate_slow(reference, n, p, st)
         if decided_by != DecidedBy.NONE or bits != 0:

@@ -14,7 +14,7 @@ from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy import opinions
 from rig.computer.redundancy.compare import comparable, is_split
 from rig.computer.redundancy.reference_monitor import REFERENCE_MARGIN, reference_threshold
-from rig.computer.redundancy.slow_tests import rank_without_bias
+from rig.computer.redundancy.slow_tests import middle_without_bias
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -34,7 +34,7 @@ def summed_from(n, reference, p, st):
 
     With slow-fault tests it is the median of the samples without their biases; without tests ``middle``.
     """
-    return rank_without_bias(n, st, st["tests"]) if p["slow_means"] > 0.0 else middle(n, reference, st)
+    return middle_without_bias(n, st, st["tests"]) if p["slow_means"] > 0.0 else middle(n, reference, st)
 
 
 @kernel

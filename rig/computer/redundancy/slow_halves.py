@@ -33,6 +33,9 @@ HALVES: Final = (
     ("apart_whole", "f8", (WAYS,)),  # the same without the allowance for motion
     ("apart_square", "f8", (WAYS,)),  # mean square of what counts in the product
     ("apart_product", "f8", (WAYS,)),  # with the reference's difference from the median
+    ("halves_limit", "f8"),  # of a mean, over the deviation of the noise
+    ("halves_square", "f8"),  # of a mean square, over its variance, less 1
+    ("of_halves", "f8"),  # reciprocal of frames that are learned, at most SLOW
     ("halves_noise", "f8"),  # variance of the way that has least, its mean
     ("halves_shaken", "f8"),  # and of the last second
     ("halves_share", "f8"),  # of its limit, of the way that has most
@@ -84,12 +87,11 @@ def suspect_halves(n, allowed, p, t):
         return no_half(t)
     healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], t["halves_shaken"], p["slow_noise"] ** 2)
     sigma, allowed, ways = math.sqrt(healthy), (1.5 if n == CHANNELS else 2.0) * allowed, write_apart(n, t)
-    mean_limit = t["slow_limit"] * (p["slow_halves"] / p["slow_means"]) * sigma
-    square_limit = 1.2 * t["square_limit"] * (p["slow_halves"] / p["slow_squares"])
-    step, square_step = mean_limit / reached(SLOW), healthy * (1.0 + square_limit / reached(SLOW))
+    mean_limit, square_limit = t["halves_limit"] * sigma, t["halves_square"]
+    step, square_step = mean_limit * (1.0 / reached(SLOW)), healthy * (1.0 + square_limit * (1.0 / reached(SLOW)))
     most, off = max(step, 2.8 * reference_error(p, t)), t["reference_off"]
     square, first, second, least, way = t["apart_square"], 0.0, 0.0, np.inf, 0
-    gain = 1.0 / min(SLOW, float(t["learned"]))
+    gain = t["of_halves"]
     for w in range(ways):
         d = min(max(t["apart"][w], -most), most)
         t["apart_whole"][w] += (min(d * d, square_step) - t["apart_whole"][w]) * gain
@@ -106,10 +108,10 @@ def suspect_halves(n, allowed, p, t):
             second = max(second, square[w])
     if n == CHANNELS:
         t["halves_shaken"] = least
-        t["halves_noise"] += (least - t["halves_noise"]) / min(float(t["learned"]), LEARNING)
+        t["halves_noise"] += (least - t["halves_noise"]) * t["of_learned"]
     if t["learned"] < MEANS_FROM:
         return no_half(t)
-    by_square = (t["apart_energy"][way] / healthy - 1.0) / square_limit
+    by_square = (t["apart_energy"][way] - healthy) / (healthy * square_limit)
     t["halves_share"] = max(abs(t["apart_mean"][way]) / mean_limit, by_square)
     return way if n == 2 or second < ALONE * first else NONE
 

@@ -3,7 +3,8 @@
 A residual is a sample, less what is learned of its channel (its bias), less the median of all channels without theirs.
 A fast and a slow mean of it find offsets, drifts, slow oscillations and frozen samples; a mean of its square finds
 noise and fast oscillations.  Steps are limited, so that an error of fewer frames than BURST moves no mean to its limit.
-Two channels that are wrong alike, or two that are left, are the business of slow_halves.py.
+Two channels that are wrong alike, or two that are left, are the business of slow_halves.py, and the noisy one of two
+that are left is that of slow_noise.py.
 Added: docs/explanation/decisions.md, 'Slow-fault tests'.  No vote is moved: channels are isolated.
 """
 
@@ -15,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import median_vote as vote
-from rig.computer.redundancy.compare import is_split, sort
+from rig.computer.redundancy.compare import is_split
 from rig.computer.redundancy.slow_halves import (
     HALVES,
     LEARNING,
@@ -27,15 +28,16 @@ from rig.computer.redundancy.slow_halves import (
     reached,
     suspect_halves,
 )
+from rig.computer.redundancy.slow_noise import NOISE, SQUARES_FROM, begin_noise, isolate_noisy
 from rig.core.frame import CHANNELS, DecidedBy, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
 FAST, SQUARE = 16.0, 128.0  # frames of the fast mean and of that of squares
 SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
-SQUARES_FROM: Final = 500  # frames that are learned before the mean of squares tells anything
 CALM: Final = 0.5  # of a limit
 STILL: Final = 14  # frames that a sample has repeated of a channel that stands still
+CUT: Final = 8.0  # ``slow_noise``, four standard deviations of the data sheet
 LEAST: Final = 2.0  # noise of the data sheet over ``slow_noise``, the least that is reckoned with
 TESTS: Final = np.dtype(
     [
@@ -45,7 +47,7 @@ TESTS: Final = np.dtype(
         ("level", "i8"),  # channels in use, of which the means are
         ("bias", "f8", (CHANNELS,)),
         ("value", "f8", (CHANNELS,)),  # samples without it
-        ("order", "i8", (CHANNELS,)),  # channels by ascending value
+        ("order", "i8", (CHANNELS,)),  # channels of which it is
         ("fast", "f8", (CHANNELS,)),  # in units of the noise
         ("slow", "f8", (CHANNELS,)),
         ("square", "f8", (CHANNELS,)),  # in the square of the signal's unit
@@ -60,6 +62,11 @@ TESTS: Final = np.dtype(
         ("slow_step", "f8"),
         ("square_step", "f8"),
         ("limits_until", "f8"),  # what is known when they are renewed
+        ("of_fast", "f8"),  # reciprocals: of the three limits,
+        ("of_slow", "f8"),
+        ("of_square", "f8"),
+        ("of_learned", "f8"),  # and of frames that are learned, at most LEARNING
+        ("of_squares", "f8"),  # and SQUARE
         ("usual_middle", "f8"),  # mean of the middle over the frames of which the biases are
         ("last_middle", "f8"),
         ("rate", "f8"),  # mean change of the middle a frame
@@ -70,6 +77,7 @@ TESTS: Final = np.dtype(
         ("reference_vote", "f8"),  # vote_off over the frames of which that bias is
         ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
         *HALVES,
+        *NOISE,
     ],
     align=True,
 )
@@ -87,8 +95,11 @@ def isolate_slow(reference, n, p, st):
     t["by"] = DecidedBy.NONE.value
     if n < 2:
         return 0
-    m = rank_without_bias(n, st, t)
+    m = middle_without_bias(n, st, t)
     if not np.isfinite(m):  # differences near the largest number
+        return 0
+    if is_cut(m, p):
+        t["turns"] = 0
         return 0
     if t["learned"] == 0:
         t["usual_middle"] = t["last_middle"] = m
@@ -97,33 +108,60 @@ def isolate_slow(reference, n, p, st):
         begin_again(n, t)
     if t["known"] >= t["limits_until"]:
         renew_limits(p, t)
+    split = is_split(st["pattern"])
+    if split and n > 2:  # a middle of no majority moves as no aircraft does
+        t["turns"] = 0
     variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
+    sigma = math.sqrt(variance)
     moved = difference(m, t["usual_middle"], p["wraps"])
-    allowed = allowance(m, moved, math.sqrt(variance), n, p, t)
-    worst = move_means(m, allowed, variance, n, p, t) if t["learned"] > 0 else 0
+    allowed = allowance(m, moved, sigma, n, p, t)
+    worst = move_means(m, allowed, sigma, n, p, t) if t["learned"] > 0 else 0
     t["reference_off"] = difference(reference - t["reference_bias"], m, p["wraps"])
     ways = suspect_halves(n, allowed, p, t) if t["learned"] > 0 else no_half(t)
     bits = isolate_half(ways, n, st["reference_usable"], p, t)
+    noisy = isolate_noisy(n, p, t) if t["learned"] > 0 else 0
     alike = t["halves_share"] * p["slow_halves"]
     suspected = max(t["share"][worst], t["halves_share"])
-    if bits == 0 and n > 2 and not is_split(st["pattern"]) and not (ways >= 0 and alike > CALM):
-        bits = isolate_one(worst, n, p, st)
-    elif bits != 0:
+    if bits != 0:
         t["by"] = DecidedBy.SLOW_HALVES.value
+    elif noisy != 0:
+        bits, t["by"] = noisy, DecidedBy.SLOW_SQUARES.value
+    elif n > 2 and not split and not (ways >= 0 and alike > CALM):
+        bits = isolate_one(worst, n, p, st)
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
-        learn(m, moved, t["fast_step"] * math.sqrt(variance) + allowed, n, p, st)
+        learn(m, moved, t["fast_step"] * sigma + allowed, n, p, st)
     return bits
 
 
 @kernel
-def rank_without_bias(n, st, t):
-    """Write ``value`` and ``order`` of the ``n`` ranked samples without their biases; return the median of them."""
+def middle_without_bias(n, st, t):
+    """Write ``value`` and ``order`` of the ``n`` ranked samples without their biases; return the median of them.
+
+    Biases are small, but the ranks without them are others.  No rank but the middle is needed, so nothing is sorted.
+    """
     x, value, order, bias = st["x"], t["value"], t["order"], t["bias"]
     for i in range(n):
         c = st["order"][i]
         value[c], order[i] = x[c] - bias[c], c
-    sort(value, order, n)
-    return vote.mean(value[order[(n - 1) // 2]], value[order[n // 2]], 0.5)
+    a, b = value[order[0]], value[order[n - 1]]
+    low, high = min(a, b), max(a, b)
+    if n == CHANNELS:
+        c, d = value[order[1]], value[order[2]]
+        one, other = max(low, min(c, d)), min(high, max(c, d))
+        low, high = min(one, other), max(one, other)
+    elif n == 3:
+        low = high = max(low, min(high, value[order[1]]))
+    return vote.mean(low, high, 0.5)
+
+
+@kernel
+def is_cut(m, p):
+    """Return True if ``m``, the middle, is so near an end of the range that a healthy sample may be cut off there.
+
+    The mean lacks what is cut off, and would then be taken for a bias.
+    """
+    margin = 2.0 * p["slow_bias"] + p["slow_scale"] * abs(m) + CUT * p["slow_noise"]
+    return p["wraps"] == 0 and (m > p["high"] - margin or m < p["low"] + margin)
 
 
 @kernel
@@ -143,6 +181,7 @@ def begin_again(n, t):
         t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
         t["square"][c] = t["whole"][c] = t["noise"]
     begin_halves(n, t)
+    begin_noise(t)
 
 
 @kernel
@@ -152,7 +191,7 @@ def forget_tests(st):
     t["learned"] = t["level"] = t["reference_learned"] = 0
     t["known"] = t["limits_until"] = 0.0
     t["noise"] = t["reference_bias"] = t["rate"] = t["motion"] = t["halves_noise"] = 0.0
-    t["vote_off"] = t["reference_vote"] = 0.0
+    t["vote_off"] = t["reference_vote"] = t["roughest"] = 0.0
     for c in range(CHANNELS):
         t["bias"][c] = t["share"][c] = 0.0
 
@@ -171,7 +210,19 @@ def renew_limits(p, t):
     t["fast_step"] = t["fast_limit"] / reached(FAST)
     t["slow_step"] = t["slow_limit"] / reached(SLOW)
     t["square_step"] = 1.0 + t["square_limit"] / reached(SQUARE)
+    t["of_fast"], t["of_slow"] = 1.0 / t["fast_limit"], 1.0 / t["slow_limit"]
+    t["of_square"] = 1.0 / t["square_limit"]
+    t["halves_limit"] = t["slow_limit"] * (p["slow_halves"] / p["slow_means"])
+    t["halves_square"] = 1.2 * t["square_limit"] * (p["slow_halves"] / p["slow_squares"])
     t["limits_until"] = 1.1 * known if known < 2.0 * LEARNING else np.inf
+
+
+@kernel
+def renew_gains(t):
+    """Set the shares of a frame in means over what is learned, while this is less than their frames."""
+    learned = float(t["learned"])
+    t["of_learned"], t["of_squares"] = 1.0 / min(learned, LEARNING), 1.0 / min(learned, SQUARE)
+    t["of_halves"] = 1.0 / min(learned, SLOW)
 
 
 @kernel
@@ -179,18 +230,20 @@ def allowance(m, moved, sigma, n, p, t):
     """Return what a residual may be by motion alone: other scales since the bias was learned, other times of sampling.
 
     m : the middle; moved : since the biases were learned; sigma : noise
+    The first change of the middle after another number of channels, or after a split, is none of the aircraft.
     """
     change = difference(m, t["last_middle"], p["wraps"])
-    t["last_middle"] = m
-    t["rate"] += (change - t["rate"]) / FAST
-    t["motion"] = max(abs(t["rate"]), t["motion"] * (1.0 - 1.0 / SLOW))
-    if n > 2:
-        t["motion"] = max(t["motion"], abs(change) - 3.0 * sigma)
+    t["last_middle"], t["change"] = m, change
+    if t["turns"] > 0:
+        t["rate"] += (change - t["rate"]) * (1.0 / FAST)
+        t["motion"] = max(abs(t["rate"]), t["motion"] * (1.0 - 1.0 / SLOW))
+        if n > 2:
+            t["motion"] = max(t["motion"], abs(change) - 3.0 * sigma)
     return 2.0 * p["slow_scale"] * abs(moved) + p["slow_skew"] * t["motion"]
 
 
 @kernel
-def move_means(m, allowed, variance, n, p, t):
+def move_means(m, allowed, sigma, n, p, t):
     """Move the three means of each channel and the common noise; return the channel with the largest share.
 
     The noise follows the second lowest mean square of the whole residuals (of two: the lowest): what all channels
@@ -198,11 +251,10 @@ def move_means(m, allowed, variance, n, p, t):
     """
     k, order, value, share = t["learned"], t["order"], t["value"], t["share"]
     fast, slow, square, whole = t["fast"], t["slow"], t["square"], t["whole"]
-    fast_step, slow_step, one = t["fast_step"], t["slow_step"], 1.0 / math.sqrt(variance)
-    most, gain, worst = t["square_step"] * variance, 1.0 / min(SQUARE, float(k)), order[0]
-    lowest = second = np.inf
-    of_fast, of_slow = 1.0 / t["fast_limit"], 1.0 / t["slow_limit"]
-    of_square, of_variance = 1.0 / t["square_limit"], one * one
+    fast_step, slow_step, one = t["fast_step"], t["slow_step"], 1.0 / sigma
+    most, gain, worst = t["square_step"] * sigma * sigma, t["of_squares"], order[0]
+    lowest, second, largest = np.inf, np.inf, -np.inf
+    of_fast, of_slow, of_square, of_variance = t["of_fast"], t["of_slow"], t["of_square"], one * one
     for i in range(n):
         c = order[i]
         r = value[c] - m
@@ -217,9 +269,9 @@ def move_means(m, allowed, variance, n, p, t):
         if k >= SQUARES_FROM:
             reached_one = max(reached_one, (square[c] * of_variance - 1.0) * of_square)
         share[c] = reached_one
-        worst = c if reached_one > share[worst] else worst
+        worst, largest = (c if reached_one > largest else worst), max(largest, reached_one)
     t["shaken"] = second if n > 2 else lowest
-    t["noise"] += (t["shaken"] - t["noise"]) / min(float(k), LEARNING)
+    t["noise"] += (t["shaken"] - t["noise"]) * t["of_learned"]
     return worst
 
 
@@ -248,7 +300,7 @@ def isolate_one(worst, n, p, st):
         return 0
     for i in range(n):
         calm += share[order[i]] < CALM * share[worst]
-    means = max(abs(t["fast"][worst]) * (1.0 / t["fast_limit"]), abs(t["slow"][worst]) * (1.0 / t["slow_limit"]))
+    means = max(abs(t["fast"][worst]) * t["of_fast"], abs(t["slow"][worst]) * t["of_slow"])
     by_means = means >= share[worst]
     noisy = t["square"][worst] > (p["slow_noise"] * LEAST) ** 2 * (1.0 + t["square_limit"])
     if 2 * calm <= n and not (n == CHANNELS and calm == 2 and (by_means or noisy)):
@@ -270,7 +322,7 @@ def learn(m, moved, step, n, p, st):
     noise, skewed = max(t["noise"], p["slow_noise"] ** 2), p["slow_skew"] * t["rate"]
     weight = noise / (noise + skewed * skewed)
     t["known"] += weight
-    gain = weight / min(t["known"], LEARNING)
+    gain = weight * (1.0 / LEARNING) if t["known"] > LEARNING else weight / t["known"]
     t["usual_middle"] += gain * moved
     bound = p["slow_bias"] + 1.6 * p["slow_scale"] * abs(t["usual_middle"])
     for i in range(n):
@@ -278,6 +330,8 @@ def learn(m, moved, step, n, p, st):
         moved_by = gain * min(max(t["value"][c] - m, -step), step)
         t["bias"][c] = min(max(t["bias"][c] + moved_by, -bound), bound)
     t["learned"] += 1
+    if t["learned"] <= LEARNING:
+        renew_gains(t)
     off, most = t["reference_off"], st["reference_threshold"]
     if np.isfinite(off):
         gain = 1.0 / min(t["reference_learned"] + 1.0, LEARNING)
