@@ -142,6 +142,19 @@ def test_brisk_manoeuvres_without_a_fault_score_clean():
     assert all(error.clean_peak < 1e-12 for error in found.vote_error.values())
 
 
+@pytest.mark.parametrize(("aircraft", "seed"), [("f16", 7260032431716226580), ("b737", 6196744445890322056)])
+def test_full_deflections_without_a_fault_isolate_no_stick(aircraft: str, seed: int):
+    """Samples are cut off at a stop: with these tolerances a healthy stick channel was once isolated after it."""
+    doublet = '{{kind="doublet",axis="{}",start_s={},amplitude=1.0,duration_s={}}}'
+    manoeuvres = ",".join(
+        doublet.format(*each) for each in (("stick_pitch", 8, 4), ("stick_roll", 3, 3), ("pedal", 12, 5))
+    )
+    given = (f"aircraft={aircraft}", "flight_point=20000ft_m06", "duration_s=20", f"seed={seed}", "turbulence=light")
+    pilot = ("pilot.autopilot_engaged=false", f"pilot.manoeuvres=[{manoeuvres}]")
+    found = scored("f16_altitude_step_turbulence", *given, *pilot)
+    assert found.false_alarms == []
+
+
 @pytest.mark.parametrize("manager", ["mean", "median"])
 def test_a_manager_that_fails_no_channel_misses(manager: str):
     found = scored("f16_pitch_rate_hardover", "duration_s=21", f"redundancy.manager={manager}")
