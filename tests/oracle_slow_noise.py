@@ -10,12 +10,12 @@ from oracle_answers import Settings
 
 @dataclass
 class SecondDifferences:
-    """The last three of the middle and of D, and the four means over 100 frames."""
+    """The last three of the middle and of D, and the three means over 100 frames."""
 
     s: Settings
     middles: list[float] = field(default_factory=list)  # changes of the middle, the newest last
     apart: list[float] = field(default_factory=list)  # D
-    frames: int = 0  # of this number of channels, without a split of more than two
+    frames: int = 0  # since another number of channels, a split of more than two or a stop
     both: float = 0.0
     of_d: float = 0.0
     product: float = 0.0

@@ -155,6 +155,16 @@ def test_full_deflections_without_a_fault_isolate_no_stick(aircraft: str, seed: 
     assert found.false_alarms == []
 
 
+@pytest.mark.parametrize("signal", ["stick_pitch", "stick_roll", "pedal"])
+def test_levers_that_stand_still_hide_no_stuck_sensor(signal: str):
+    """Neither two of four, nor a third of the last two: the healthy one moves by its noise alone."""
+    stuck = '{{kind="stuck",signal="{}",channels=[{}],start_s={}}}'
+    faults = ",".join(stuck.format(signal, *each) for each in (("1,2", 5), ("3", 8)))
+    found = scored("f16_altitude_step_turbulence", "duration_s=10", f"faults=[{faults}]")
+    assert places(found) == [(signal, c, "detected") for c in (1, 2, 3)]
+    assert found.false_alarms == found.wrong_isolations == []
+
+
 @pytest.mark.parametrize("manager", ["mean", "median"])
 def test_a_manager_that_fails_no_channel_misses(manager: str):
     found = scored("f16_pitch_rate_hardover", "duration_s=21", f"redundancy.manager={manager}")

@@ -127,17 +127,16 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
     for name in _of_other_sources(below, above):
         tests = gone.get(name, signals.get(name, {})).get("slow_tests")
         if isinstance(tests, dict):
-            kept = {key: value for key, value in tests.items() if key not in ERRORS}
-            gone[name] = {**signals[name], "slow_tests": kept | dict.fromkeys(tests.keys() & set(ERRORS), 0.0)}
+            gone[name] = {**signals[name], "slow_tests": tests | {key: 0.0 for key in ERRORS if key in tests}}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
 
 
 def _of_other_sources(below: dict[str, Any], above: dict[str, Any]) -> list[str]:
     """Return the signals whose reference has another source in ``above`` than in ``below``."""
-    present = {name: field.default for name, field in Sources.model_fields.items()}
-    given = (_tables(tables, "redundancy").get("references", {}) for tables in (below, above))
-    before, after = (dict(table) for table in given)
-    return [name for name, source in after.items() if source != {**present, **before}.get(name)]
+    defaults = {name: field.default for name, field in Sources.model_fields.items()}
+    present = defaults | _tables(below, "redundancy").get("references", {})
+    given = _tables(above, "redundancy").get("references", {})
+    return [name for name, source in given.items() if source != present.get(name)]
 
 
 def _narrowed(below: dict[str, dict[str, Any]], above: dict[str, dict[str, Any]]) -> list[str]:

@@ -2,9 +2,9 @@
 
     python tests/tools/healthy_beside.py [--every 1]
 
-Flights of 28 s in severe turbulence with stick and pedal moved by hand, on three aircraft; two left: channels 3 and 4
-of all 16 signals, or of one, fail in the first second.  Prints by row in how many flights a healthy channel was
-isolated, and in how many a test did it.  A minute.
+Flights of 28 s with stick and pedal moved by hand, on three aircraft: full deflections in light turbulence, the others
+in severe; two left: channels 3 and 4 of all 16 signals, or of one, fail in the first second.  Prints by row in how many
+flights a healthy channel was isolated, and in how many a test did it.  A minute.
 """
 
 from __future__ import annotations

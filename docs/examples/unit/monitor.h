@@ -77,7 +77,7 @@ struct halves {
 
 /* Second differences of the middle, and of D, the difference of two channels that are left. */
 struct noise {
-    int64_t turns;                 /* frames since another number of channels, or since a split of more than two */
+    int64_t turns;                 /* frames since another number of channels, a split of more than two or a stop */
     double change;                 /* of the middle, from the last frame, */
     double last_change;            /* and before that */
     double last_apart, last_moved; /* D of the last frame and its change */

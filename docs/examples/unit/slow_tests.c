@@ -152,7 +152,7 @@ static void renew_gains(struct slow_tests *t)
 }
 
 /* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling.  The first change of the
- * middle after another number of channels, or after a split, is none of the aircraft. */
+ * middle after another number of channels, a split or a stop is none of the aircraft. */
 static double allowance(double m, double moved, double sigma, int n, params *p, struct slow_tests *t)
 {
     const double change = difference(m, t->last_middle, p);

@@ -20,7 +20,8 @@ from rig.core.kernels import kernel
 SLOW: Final = 100.0  # frames of a slow mean
 LEARNING: Final = 1000.0  # frames of the mean that a bias is
 BURST: Final = 14.0  # frames that the largest steps need to reach a limit
-MEANS_FROM: Final = 200  # frames that are learned before a mean tells anything
+MEANS_FROM: Final = 200  # frames that are learned before a mean tells anything,
+SQUARES_FROM: Final = 500  # and before one of squares does
 WAYS: Final = 3  # to halve four channels
 ALONE: Final = 0.35  # of the largest mean square: what those of other ways are below, if one way is meant
 DECIDING: Final = 10  # frames in a row

@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.redundancy.slow_halves import MEANS_FROM, SLOW
+from rig.computer.redundancy.slow_halves import MEANS_FROM, SLOW, SQUARES_FROM
 from rig.core.kernels import kernel
 
-SQUARES_FROM: Final = 500  # frames that are learned before a mean of squares tells anything
 KEPT: Final = 10000.0  # frames of the memory of the roughest motion
 TURN: Final = 6.0  # variance of a second difference of white noise of variance 1
 # White noise of variance 1 leaves in a mean of squared second differences, over SLOW frames, TURN times 0.1 of standard
@@ -29,7 +28,7 @@ NOISE: Final = (
     ("last_change", "f8"),
     ("last_apart", "f8"),  # D of the last frame
     ("last_moved", "f8"),  # and its change
-    ("turns", "i8"),  # frames since the number of channels changed, or since a split of more than two
+    ("turns", "i8"),  # frames since another number of channels, a split of more than two or a stop
     ("shared", "f8"),  # mean product of the second differences of both channels; of more: square of the middle's
     ("roughest", "f8"),  # largest one, less its noise
     ("rough", "f8"),  # mean square of the second differences of D, of limited steps

@@ -22,13 +22,14 @@ from rig.computer.redundancy.slow_halves import (
     LEARNING,
     MEANS_FROM,
     SLOW,
+    SQUARES_FROM,
     begin_halves,
     isolate_half,
     no_half,
     reached,
     suspect_halves,
 )
-from rig.computer.redundancy.slow_noise import NOISE, SQUARES_FROM, begin_noise, isolate_noisy
+from rig.computer.redundancy.slow_noise import NOISE, begin_noise, isolate_noisy
 from rig.core.frame import CHANNELS, DecidedBy, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
@@ -230,7 +231,7 @@ def allowance(m, moved, sigma, n, p, t):
     """Return what a residual may be by motion alone: other scales since the bias was learned, other times of sampling.
 
     m : the middle; moved : since the biases were learned; sigma : noise
-    The first change of the middle after another number of channels, or after a split, is none of the aircraft.
+    The first change of the middle after another number of channels, a split or a stop is none of the aircraft.
     """
     change = difference(m, t["last_middle"], p["wraps"])
     t["last_middle"], t["change"] = m, change

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.computer.redundancy.manager import manage_signal
-from rig.computer.redundancy.slow_halves import MEANS_FROM
-from rig.computer.redundancy.slow_tests import SQUARES_FROM, isolate_slow
+from rig.computer.redundancy.slow_halves import MEANS_FROM, SQUARES_FROM
+from rig.computer.redundancy.slow_tests import isolate_slow
 from rig.computer.redundancy.slow_tests_config import SlowTests, tests_params
 from rig.computer.redundancy.state import new_state
 from rig.core.kernels import long_kernel
