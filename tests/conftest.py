@@ -87,8 +87,12 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[P
 def rig_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., tuple[int, str, str]]:
-    """rig_command(arguments of ``rig``) -> exit code, stdout, stderr; in a folder of its own."""
+    """rig_command(arguments of ``rig``) -> exit code, stdout, stderr; in a folder of its own.
+
+    The line that kernels are compiled is left out: the first test that needs them would have it.
+    """
     from rig.cli import main as cli  # not for the tests that need no command
+    from rig.cli.working import COMPILING
 
     monkeypatch.chdir(tmp_path)
 
@@ -97,7 +101,7 @@ def rig_command(
         with pytest.raises(SystemExit) as end:
             cli.main()
         said = capsys.readouterr()
-        return int(end.value.code or 0), said.out, said.err
+        return int(end.value.code or 0), said.out, said.err.replace(f"{COMPILING}\n", "")
 
     return run
 
