@@ -248,8 +248,8 @@ def move_means(m, allowed, sigma, n, p, t):
 
     The noise follows the second lowest mean square of the whole residuals (of two: the lowest): what all channels
     shake alike raises the limits of all, what one does raises none.
-    Means of channels that are out of use move too, and nothing reads them: a loop without branches and without
-    ``order`` moves four channels by one instruction.
+    Means of channels that are out of use move too, as their biases do, and nothing reads them: a loop without branches
+    and without ``order`` moves four channels by one instruction.
     """
     learned, order, value, share = t["learned"], t["order"], t["value"], t["share"]
     fast, slow, square, whole = t["fast"], t["slow"], t["square"], t["whole"]

@@ -183,8 +183,7 @@ def _watch(samples, reference, given, params, state, width, out):
         variance = max(t["noise"], t["shaken"], q["slow_noise"] ** 2)
         noise[0] += np.sqrt(variance)
         noise[1] += 1.0
-        for i in range(t["level"]):
-            c = t["order"][i]
+        for c in range(p["fitted"]):
             means = max(abs(t["fast"][c]) / t["fast_limit"], abs(t["slow"][c]) / t["slow_limit"])
             shares[0] = max(shares[0], means)
             if t["learned"] >= SQUARES_FROM:
