@@ -85,7 +85,7 @@ ENTRANTS: Final[dict[str, Make]] = {
 
 def became(of: Manager, axis: int, flight: DataBlock) -> Iterator[tuple[str, str]]:
     """Yield each fault and what became of it: right, wrong, missed or prior."""
-    rng = np.random.default_rng([1, axis, *flight.name.encode()])
+    rng = np.random.default_rng([1, axis, *Path(flight.name).name.encode()])
     samples = np.ascontiguousarray(flight.samples.T)[None]
     for fault, channel in product(FAULTS, rng.permutation(4)[:CHANNELS]):
         onset = max(EARLIEST, int(samples.shape[1] * rng.uniform(0.2, 0.6)))

@@ -58,7 +58,7 @@ def _frames(cut: Pieces) -> NDArray[np.int64]:
 
 def faulted(flight: DataBlock, axis: int) -> tuple[Floats, int, int]:
     """Return the samples (fault, n, 4) with each fault in one channel from the onset on; the channel, the onset."""
-    rng = np.random.default_rng([0, axis, *flight.name.encode()])
+    rng = np.random.default_rng([0, axis, *Path(flight.name).name.encode()])
     samples = np.ascontiguousarray(flight.samples.T)[None]
     n = samples.shape[1]
     onset = max(EARLIEST, int(n * rng.uniform(0.2, 0.6)))
