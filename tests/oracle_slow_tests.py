@@ -44,6 +44,7 @@ class SlowTests:
     standing: ClassVar[int] = 14  # repeats of a channel that stands still
     reference_from: ClassVar[int] = 300  # frames that are known of it
     beyond: ClassVar[float] = 0.5  # of a healthy half, the slope
+    whole_of: ClassVar[float] = 2.0  # of a step of squares: what counts in the noise
 
     def __post_init__(self) -> None:
         self.forget()
@@ -148,14 +149,14 @@ class SlowTests:
         shares: dict[int, float] = {}
         self.of_means: dict[int, float] = {}
         square_limit = self.squares_limit
-        most = sigma**2 * (1.0 + square_limit / (1.0 - exp(-14.0 / 128.0)))
+        most = sigma**2 * (1.0 + square_limit / (1.0 - exp(-20.0 / 128.0)))
         for c, whole in residuals.items():
-            self.whole[c].move(min(whole**2, most), min(self.k, 128))
+            self.whole[c].move(min(whole**2, self.whole_of * most), min(self.k, 128))
             r = less(whole, a)
             of: list[float] = []
-            for mean, frames in ((self.fast[c], 16.0), (self.slow[c], 100.0)):
+            for mean, frames, burst in ((self.fast[c], 16.0, 14.0), (self.slow[c], 100.0, 20.0)):
                 limit = self.limit(frames, self.s.slow_means)
-                of.append(abs(mean.move(cut(r / sigma, limit / (1.0 - exp(-14.0 / frames))), frames)) / limit)
+                of.append(abs(mean.move(cut(r / sigma, limit / (1.0 - exp(-burst / frames))), frames)) / limit)
             square = self.squares[c].move(min(r * r, most), min(self.k, 128))
             of = of if self.k >= 200 else [0.0]
             self.of_means[c] = max(of)

@@ -17,9 +17,11 @@ OF_MEANS = [
     Defect("limits of five standard deviations", "#define SIGMAS 6.0 ", "#define SIGMAS 5.0 "),
     Defect(
         "a burst counts in the noise in full",
-        "gain * (smaller(residual * residual, most) - t->whole[c])",
+        "gain * (smaller(residual * residual, WHOLE * most) - t->whole[c])",
         "gain * ((residual * residual) - t->whole[c])",
     ),
+    Defect("the noise is cut where squares are", "#define WHOLE 2.0 ", "#define WHOLE 1.0 "),
+    Defect("long means need 14 frames for a limit", "#define REMEMBERED 20.0 ", "#define REMEMBERED 14.0 "),
     Defect(
         "a burst counts in the mean of squares in full",
         "gain * (smaller(r * r, most) - t->square[c])",

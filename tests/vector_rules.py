@@ -530,6 +530,16 @@ class HalvesByAnySlope(Other):
     tests = _AnySlope
 
 
+class _NoiseInFull(SlowTests):
+    whole_of = inf
+
+
+class NoiseInFull(Other):
+    """Whatever a residual is counts in the noise."""
+
+    tests = _NoiseInFull
+
+
 class _AskedEarly(SlowTests):
     reference_from = 100
 

@@ -336,7 +336,7 @@ TESTED: list[tuple[str, list[Wanted]]] = [
             *reached("test: a half of 2", "test: a half of 4"),
             *otherwise(vector_rules.IsolatedBesideOthers, vector_rules.HalvesByAnySlope),
             *otherwise(vector_rules.ReferenceAskedEarly, vector_rules.ReferenceAsKnownAtALevel),
-            *otherwise(vector_rules.LearnsBursts),
+            *otherwise(vector_rules.LearnsBursts, vector_rules.NoiseInFull),
         ],
     ),
     (

@@ -343,8 +343,8 @@ double tests_middle(const struct frame *f, struct slow_tests *t);
  * the mean, which would then be taken for a bias. */
 bool tests_is_cut(double m, params *p, const struct slow_tests *t);
 
-/* The share of a constant that a mean over as many frames reaches within TESTS_BURST frames. */
-double tests_reached(double frames);
+/* The share of a constant that a mean over as many frames reaches within the frames of a burst. */
+double tests_reached(double frames, double burst);
 
 /* Move all means by a frame and learn; the channels that a test isolates, bits, and which test in `by`. */
 unsigned tests_watch(const struct frame *f, params *p, struct signal *s);

@@ -92,8 +92,8 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
     const double sigma = sqrt(healthy);
     const double mean_limit = h->limit * sigma;
     struct steps steps;
-    steps.mean = mean_limit * (1.0 / tests_reached(TESTS_SLOW));
-    steps.square = healthy * (1.0 + (h->square_limit * (1.0 / tests_reached(TESTS_SLOW))));
+    steps.mean = mean_limit * (1.0 / tests_reached(TESTS_SLOW, TESTS_BURST));
+    steps.square = healthy * (1.0 + (h->square_limit * (1.0 / tests_reached(TESTS_SLOW, TESTS_BURST))));
     steps.most = larger(steps.mean, 2.8 * reference_error(t));
     double apart[WAYS] = {0.0};
     double first = 0.0;

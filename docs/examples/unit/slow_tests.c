@@ -14,6 +14,8 @@
 #define CUT 8.0         /* slow_noise, four standard deviations of the data sheet */
 #define LEAST 2.0       /* noise of the data sheet over slow_noise, the least that is reckoned with */
 #define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
+#define REMEMBERED 20.0 /* frames that the largest steps of the means with a long memory need to reach a limit */
+#define WHOLE 2.0       /* of the largest square that counts: what one of a whole residual may be */
 #define STILL 14 /* frames that a sample has repeated of a channel that stands still */
 #define CALM 0.5        /* of a limit */
 
@@ -126,9 +128,9 @@ static void renew_limits(settings *set, struct slow_tests *t)
     t->fast_limit = (set->slow_means * SIGMAS) * sqrt((0.5 / FAST) + (1.0 / known));
     t->slow_limit = (set->slow_means * SIGMAS) * sqrt((0.5 / TESTS_SLOW) + (1.0 / known));
     t->square_limit = (set->slow_squares * SIGMAS) * sqrt((1.0 / SQUARE) + (2.0 / known));
-    t->fast_step = t->fast_limit / tests_reached(FAST);
-    t->slow_step = t->slow_limit / tests_reached(TESTS_SLOW);
-    t->square_step = 1.0 + (t->square_limit / tests_reached(SQUARE));
+    t->fast_step = t->fast_limit / tests_reached(FAST, TESTS_BURST);
+    t->slow_step = t->slow_limit / tests_reached(TESTS_SLOW, REMEMBERED);
+    t->square_step = 1.0 + (t->square_limit / tests_reached(SQUARE, REMEMBERED));
     t->of_fast = 1.0 / t->fast_limit;
     t->of_slow = 1.0 / t->slow_limit;
     t->of_square = 1.0 / t->square_limit;
@@ -137,9 +139,9 @@ static void renew_limits(settings *set, struct slow_tests *t)
     t->limits_until = (known < (2.0 * TESTS_LEARNING)) ? (1.1 * known) : (double)INFINITY;
 }
 
-double tests_reached(double frames)
+double tests_reached(double frames, double burst)
 {
-    return 1.0 - exp(-TESTS_BURST / frames);
+    return 1.0 - exp(-burst / frames);
 }
 
 /* Set the shares of a frame in means over what is learned, while this is less than their frames. */
@@ -197,7 +199,7 @@ static int move_means(double m, double allowed, double sigma, int n, struct slow
         const double residual = t->value[c] - m;
         const double r = copysign(larger(fabs(residual) - allowed, 0.0), residual);
         const double z = r * one;
-        t->whole[c] += gain * (smaller(residual * residual, most) - t->whole[c]);
+        t->whole[c] += gain * (smaller(residual * residual, WHOLE * most) - t->whole[c]);
         t->fast[c] += (clamp(z, -t->fast_step, t->fast_step) - t->fast[c]) * (1.0 / FAST);
         t->slow[c] += (clamp(z, -t->slow_step, t->slow_step) - t->slow[c]) * (1.0 / TESTS_SLOW);
         t->square[c] += gain * (smaller(r * r, most) - t->square[c]);

@@ -46,9 +46,9 @@ NONE: Final = -1
 
 
 @kernel
-def reached(frames):
-    """Return the share of a constant that a mean over ``frames`` reaches within BURST frames."""
-    return 1.0 - math.exp(-BURST / frames)
+def reached(frames, burst):
+    """Return the share of a constant that a mean over ``frames`` reaches within ``burst`` frames."""
+    return 1.0 - math.exp(-burst / frames)
 
 
 @kernel
@@ -89,7 +89,8 @@ def suspect_halves(n, allowed, p, t):
     healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], t["halves_shaken"], p["slow_noise"] ** 2)
     sigma, allowed, ways = math.sqrt(healthy), (1.5 if n == CHANNELS else 2.0) * allowed, write_apart(n, t)
     mean_limit, square_limit = t["halves_limit"] * sigma, t["halves_square"]
-    step, square_step = mean_limit * (1.0 / reached(SLOW)), healthy * (1.0 + square_limit * (1.0 / reached(SLOW)))
+    at_once = 1.0 / reached(SLOW, BURST)
+    step, square_step = mean_limit * at_once, healthy * (1.0 + square_limit * at_once)
     most, off = max(step, 2.8 * reference_error(p, t)), t["reference_off"]
     square, first, second, least, way = t["apart_square"], 0.0, 0.0, np.inf, 0
     gain = t["of_halves"]

@@ -18,6 +18,7 @@ import numpy as np
 from rig.computer.redundancy import median_vote as vote
 from rig.computer.redundancy.compare import is_split
 from rig.computer.redundancy.slow_halves import (
+    BURST,
     HALVES,
     LEARNING,
     MEANS_FROM,
@@ -39,6 +40,8 @@ SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
 CALM: Final = 0.5  # of a limit
 STILL: Final = 14  # frames that a sample has repeated of a channel that stands still
 CUT: Final = 8.0  # ``slow_noise``, four standard deviations of the data sheet
+REMEMBERED: Final = 20.0  # as BURST, of the means that remember the last burst after seconds
+WHOLE: Final = 2.0  # of the largest square that counts: what one of a whole residual may be
 LEAST: Final = 2.0  # noise of the data sheet over ``slow_noise``, the least that is reckoned with
 TESTS: Final = np.dtype(
     [
@@ -207,9 +210,9 @@ def renew_limits(p, t):
     t["fast_limit"] = p["slow_means"] * SIGMAS * math.sqrt(0.5 / FAST + 1.0 / known)
     t["slow_limit"] = p["slow_means"] * SIGMAS * math.sqrt(0.5 / SLOW + 1.0 / known)
     t["square_limit"] = p["slow_squares"] * SIGMAS * math.sqrt(1.0 / SQUARE + 2.0 / known)
-    t["fast_step"] = t["fast_limit"] / reached(FAST)
-    t["slow_step"] = t["slow_limit"] / reached(SLOW)
-    t["square_step"] = 1.0 + t["square_limit"] / reached(SQUARE)
+    t["fast_step"] = t["fast_limit"] / reached(FAST, BURST)
+    t["slow_step"] = t["slow_limit"] / reached(SLOW, REMEMBERED)
+    t["square_step"] = 1.0 + t["square_limit"] / reached(SQUARE, REMEMBERED)
     t["of_fast"], t["of_slow"] = 1.0 / t["fast_limit"], 1.0 / t["slow_limit"]
     t["of_square"] = 1.0 / t["square_limit"]
     t["halves_limit"] = t["slow_limit"] * (p["slow_halves"] / p["slow_means"])
@@ -262,7 +265,7 @@ def move_means(m, allowed, sigma, n, p, t):
         of_square = 0.0
     for c in range(p["fitted"]):
         r = value[c] - m
-        whole[c] += gain * (min(r * r, most) - whole[c])
+        whole[c] += gain * (min(r * r, WHOLE * most) - whole[c])
         r = math.copysign(max(abs(r) - allowed, 0.0), r)
         z = r * one
         fast[c] += (min(max(z, -fast_step), fast_step) - fast[c]) * (1.0 / FAST)

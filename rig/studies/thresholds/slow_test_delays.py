@@ -3,9 +3,10 @@
 Noise is left out.  A constant offset of z units of noise moves a leaky mean over T frames to z (1 - (1 - 1/T)^n) in n
 frames.  It reaches the limit L in
 
-    n = ln(1 - L / min(z, s)) / ln(1 - 1/T),    s = L / (1 - exp(-BURST / T))
+    n = ln(1 - L / min(z, s)) / ln(1 - 1/T),    s = L / (1 - exp(-B / T))
 
-frames, and never if z <= L.  s is the largest step that counts: no offset is isolated before BURST frames.
+frames, and never if z <= L.  s is the largest step that counts; B is BURST for the fast mean, REMEMBERED for the
+others: no offset is isolated before BURST frames.
 The mean of squares begins at 1: z^2 and its own limit take their places.  The earliest of the three counts.
 The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOWS).
 A drift is learned as a bias while every share is small, so its means are moved frame by frame.
@@ -17,8 +18,8 @@ from __future__ import annotations
 from math import ceil, inf, log, sqrt
 from typing import Final, NamedTuple
 
-from rig.computer.redundancy.slow_halves import LEARNING, SLOW, reached
-from rig.computer.redundancy.slow_tests import CALM, FAST, SIGMAS, SQUARE
+from rig.computer.redundancy.slow_halves import BURST, LEARNING, SLOW, reached
+from rig.computer.redundancy.slow_tests import CALM, FAST, REMEMBERED, SIGMAS, SQUARE
 from rig.computer.redundancy.slow_tests_config import BIAS, SlowTests
 from rig.world.sensors.data_sheet import DataSheet
 
@@ -90,15 +91,22 @@ def smallest(at: Limits, channels: int) -> float:
 
 def offset_frames(z: float, at: Limits, channels: int) -> int | None:
     """Return after how many frames a constant offset of ``z`` units of noise is isolated; None: it is not."""
-    r = beside_median(z, channels)
-    found = (_frames(r, at.fast, FAST), _frames(r, at.slow, SLOW), _frames(r * r, at.square, SQUARE))
-    soonest = min(found)
+    r, steps = beside_median(z, channels), _steps(at)
+    fast, slow = _frames(r, at.fast, steps.fast, FAST), _frames(r, at.slow, steps.slow, SLOW)
+    soonest = min(fast, slow, _frames(r * r, at.square, steps.square, SQUARE))
     return None if soonest == inf else int(soonest)
 
 
-def _frames(constant: float, limit: float, frames: float) -> float:
-    """Return when a leaky mean of a constant, of which a largest step counts, exceeds its limit."""
-    counted = min(constant, limit / reached(frames))
+def _steps(at: Limits) -> Limits:
+    """Return the largest step of each mean that counts."""
+    return Limits(
+        at.fast / reached(FAST, BURST), at.slow / reached(SLOW, REMEMBERED), at.square / reached(SQUARE, REMEMBERED)
+    )
+
+
+def _frames(constant: float, limit: float, step: float, frames: float) -> float:
+    """Return when a leaky mean of a constant, of which at most ``step`` counts, exceeds its limit."""
+    counted = min(constant, step)
     return ceil(log(1.0 - limit / counted) / log(1.0 - 1.0 / frames)) if counted > limit else inf
 
 
@@ -108,7 +116,7 @@ def drift_frames(rate: float, bound: float, at: Limits, channels: int, most: int
     bound : of a bias, the same units
     """
     fast = slow = square = bias = 0.0
-    steps = Limits(at.fast / reached(FAST), at.slow / reached(SLOW), at.square / reached(SQUARE))
+    steps = _steps(at)
     for n in range(1, most + 1):
         r = beside_median(rate * n - bias, channels)
         fast += (min(r, steps.fast) - fast) / FAST
