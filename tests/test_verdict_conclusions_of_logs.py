@@ -60,7 +60,7 @@ def test_all_faulty_channels_are_named_beside_a_healthy_one_that_was_isolated(fl
         ("f16_pitch_sensor_ramp", "detected after 860 ms by the fault-tolerant law", "not isolated"),
         ("f16_pitch_sensor_ramp", "from 30.86 s on", "from 31.86 s on"),
         ("f16_pitch_sensor_ramp", "4 of 4 faults", "0 of 4 faults"),
-        ("history_blocked_pitot", "mistake at 13.65 s", "mistake at 14.65 s"),
+        ("history_blocked_pitot", "mistake at 13.90 s", "mistake at 14.65 s"),
         ("history_blocked_pitot", "by the slow-fault test of means", "by the trend"),
         ("history_blocked_pitot", "1 healthy channel isolated", "no healthy channel isolated"),
         ("f16_stuck_together", "isolated after", "not isolated, although"),
