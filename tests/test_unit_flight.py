@@ -392,12 +392,15 @@ def test_the_monitor_in_c_is_told_what_lasts_and_flies_the_bits_of_ours(tmp_path
     assert ours == theirs != off
 
 
-SMALL = ("pitch_rate", 2, 0.004), ("roll_rate", 3, 0.01)  # rad/s, below every threshold
+SMALL = (
+    ("pitch_rate", 2, 'kind="offset",offset=0.004'),
+    ("roll_rate", 3, 'kind="noise",std=0.006'),
+)  # rad/s, below every threshold
 TESTED = (
     *(f"redundancy.signals.{signal.name}.slow_tests.factor=1.5" for signal in SIGNALS),
     "duration_s=7",
     "faults=[{}]".format(
-        ",".join(f'{{kind="offset",signal="{name}",channels=[{c}],start_s=5.5,offset={x}}}' for name, c, x in SMALL)
+        ",".join(f'{{signal="{name}",channels=[{c}],start_s=5.5,{error}}}' for name, c, error in SMALL)
     ),
 )
 
