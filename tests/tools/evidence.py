@@ -1,10 +1,11 @@
 """What the monitor gets wrong: last channels, third faults, splits, boxes, common faults, healthy channels, counted.
 
-    python tests/tools/evidence.py [--workers 2] [--rows last,third,...] [--set KEY=VALUE] [--json FILE]
+    python tests/tools/evidence.py [--workers 2] [--rows last,third,... | --counts] [--set KEY=VALUE] [--json FILE]
 
 Every row flies each signal, sign and aircraft that its function in evidence_rows.py names; the same code prints the
 same counts.  Asked for by name alone: slow, slow-weather, references-healthy, whole-boxes, bursts, trend.  What became
 of these is read from the frames, beside the truth and the samples before any fault; each has a table of its own.
+--counts flies all rows and leaves these tables out.
 """
 
 from __future__ import annotations
@@ -161,18 +162,25 @@ def main() -> int:
     """Fly the rows that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--rows", default=",".join(COUNTED))
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--rows", default=",".join(COUNTED))
+    which.add_argument("--counts", action="store_true", help="of all rows, without the tables of single rows")
     parser.add_argument("--set", action="append", default=[], help="laid over the settings of every flight")
     parser.add_argument("--json", default="")
     asked, rows = parser.parse_args(), {**COUNTED, **BY_FRAMES}
-    unknown = [row for row in asked.rows.split(",") if row not in rows]
+    names = list(rows) if asked.counts else asked.rows.split(",")
+    unknown = [row for row in names if row not in rows]
     if unknown:
         parser.error(f"--rows: not {', '.join(unknown)}: allowed: {', '.join(rows)}")
-    tries = [one.seeded(i, asked.set) for row in asked.rows.split(",") for i, one in enumerate(rows[row](), 1)]
+    tries = [one.seeded(i, asked.set) for row in names for i, one in enumerate(rows[row](), 1)]
     began = perf_counter()
     with ProcessPoolExecutor(asked.workers, mp_context=get_context("forkserver")) as pool:
         found = list(pool.map(outcome_of, tries, chunksize=4))
-    tables = [of(row, mine) for row, of in OF_ROW.items() if (mine := [one for one in found if one["row"] == row])]
+    tables = [
+        of(row, mine)
+        for row, of in OF_ROW.items()
+        if not asked.counts and (mine := [one for one in found if one["row"] == row])
+    ]
     print(counts(found), *tables, not_right(found), sep="\n\n")
     print(f"\n{len(found)} flights in {perf_counter() - began:.0f} s")
     if asked.json:

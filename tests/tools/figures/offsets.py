@@ -44,17 +44,16 @@ def smallest(faults: pl.DataFrame) -> str:
     return f"{sizes[good[0]]:.3g}" if len(good) else "-"
 
 
-def detectability(folder: str) -> None:
-    """Print the smallest offsets in a folder of the campaign ``detectability``: all aircraft, then each."""
+def found_from(folder: str) -> dict[str, list[str]]:
+    """Return how many faults of each signal a folder of ``detectability`` has, and the smallest found: all, of each."""
     runs = pl.read_parquet(Path(folder) / "runs" / "*.parquet").select("run", "aircraft")
     faults = pl.read_parquet(Path(folder) / "faults" / "*.parquet").join(runs, on="run")
-    names = [name for name in (*AIRCRAFT, "b707") if name in set(faults["aircraft"])]
-    rows: list[list[str]] = []
+    rows: dict[str, list[str]] = {}
     for signal in SIGNAL_NAMES:
-        if len(of_signal := faults.filter(pl.col("signal") == signal)):
-            parts = [of_signal, *(of_signal.filter(pl.col("aircraft") == name) for name in names)]
-            rows.append([signal, str(len(of_signal)), *map(smallest, parts)])
-    table(("signal", "faults", "all aircraft", *names), rows)
+        of_signal = faults.filter(pl.col("signal") == signal)
+        parts = [of_signal, *(of_signal.filter(pl.col("aircraft") == name) for name in AIRCRAFT)]
+        rows[signal] = [str(len(of_signal)), *map(smallest, parts)]
+    return rows
 
 
 def flown(aircraft: str, condition: str, faults: list[Table]) -> Any:
@@ -94,15 +93,19 @@ def worst(results: list[tuple[str, str, float, float, int]]) -> Iterator[list[st
         yield [name, *(f"{move:.3g}" for move in moves), f"{nearer}, {over}", str(found)]
 
 
-def undetected() -> None:
-    """Print how far offsets of 0.9 thresholds move the aircraft; two of four alike, and one of the last two."""
-    cases = list(product(AIRCRAFT, CONDITIONS, SIGNAL_NAMES, DESIGNS))
+def offsets(folder: str) -> None:
+    """Print the smallest offset that is found, in a folder of the campaign ``detectability``.
+
+    Beside it: how far offsets of 0.9 thresholds move the aircraft; two of four alike, and one of the last two.
+    """
+    cases, of_folder = list(product(AIRCRAFT, CONDITIONS, SIGNAL_NAMES, DESIGNS)), found_from(folder)
     heads = (
-        "signal",
+        *("signal", "faults", "all aircraft", *AIRCRAFT),
         "two alike: g",
         "deg/s",
         "one of two: g",
         "deg/s",
         f"limits {LIMIT_G:g} g, {LIMIT_DEG_S:g} deg/s",
     )
-    table((*heads, "found after all"), worst(list(each(moved, cases, 2))))
+    moves = worst(list(each(moved, cases, 2)))
+    table((*heads, "found after all"), ([name, *of_folder[name], *row] for name, *row in moves))
