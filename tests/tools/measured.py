@@ -208,7 +208,7 @@ PAGES: Final = {
                 "Who settles them",
                 [
                     "rig campaign run tie_break --out {folder}/tie_break",
-                    f"{SHOW} tie-break rules {{folder}}/tie_break",
+                    f"{SHOW} tie_break {{folder}}/tie_break",
                 ],
                 r"^table|^\||^Default|^$",
             ),
