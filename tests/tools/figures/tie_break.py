@@ -1,6 +1,7 @@
 """How often each criterion was right in the campaign ``tie_break``, with exact intervals of 95 %.
 
-Correct: every faulty channel is failed and no healthy one.  Wrong: a healthy channel is failed.  Undecided: neither.
+Correct: every faulty channel is isolated and no healthy one.  Wrong: a rule isolates a healthy channel.  Undecided:
+neither, or the signal is given up, which isolates all of its channels.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ OUTCOMES: Final = ("correct", "wrong", "undecided")
 def flown(folder: str) -> pl.DataFrame:
     """Return a row for each flight: pattern, place of the good channels, order, signal, outcome."""
     runs = pl.read_parquet(Path(folder) / "runs" / "*.parquet").filter(pl.col("outcome") == "flown")
-    wrong = (pl.col("wrong_isolations") + pl.col("false_alarms")) > 0
-    right = ~wrong & (pl.col("missed") == 0) & (pl.col("detected") > 0)
+    alarms = pl.read_parquet(Path(folder) / "alarms" / "*.parquet").filter(pl.col("decided_by") != "given_up")
+    kept = (pl.col("wrong_isolations") + pl.col("false_alarms")) == 0
+    wrong = pl.col("run").is_in(alarms["run"].unique().to_list())
+    right = kept & (pl.col("missed") == 0) & (pl.col("detected") > 0)
     return runs.with_columns(
         result=pl.when(wrong).then(pl.lit("wrong")).when(right).then(pl.lit("correct")).otherwise(pl.lit("undecided")),
         kind=pl.col("pattern").str.split(",").list.first(),
