@@ -76,8 +76,8 @@ def designed(rules: Sequence[Rule], axis: str, flights: list[DataBlock], budget_
 
 
 ENTRANTS: Final[dict[str, Make]] = {
-    "ours, no slow-fault rule": partial(designed, ()),
-    "ours, all slow-fault rules": partial(designed, RULES),
+    "built-in, no slow-fault rule": partial(designed, ()),
+    "built-in, all slow-fault rules": partial(designed, RULES),
     "selection, calibrated": partial(calibrated, "selection"),
     "cusum, 120 spreads": partial(calibrated, "cusum"),
 }
