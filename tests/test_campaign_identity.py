@@ -114,6 +114,7 @@ def test_a_class_that_cannot_be_imported_is_refused_before_the_first_flight(
     assert not Path("E").exists()
 
 
+@pytest.mark.long
 def test_runs_that_could_not_be_flown_are_told_and_flown_again(rig_command: Command):
     """Three of four: with turbulence, and the second of a part without; then none, as what failed them is gone."""
     Path("switch").write_text("2\n")

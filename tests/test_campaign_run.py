@@ -276,6 +276,7 @@ def test_runs_that_are_deleted_in_flight_are_missed_and_the_same_command_flies_t
     assert again.flown == len(gone) > 0 and again.table_sha256 == whole.table_sha256
 
 
+@pytest.mark.long
 def test_a_flight_that_ends_the_process_is_recorded_as_crashed_among_twenty_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -341,6 +342,7 @@ def test_a_part_that_cannot_be_written_leaves_nothing_half(tmp_path: Path, monke
     assert run(planned(path), out).done == 4
 
 
+@pytest.mark.long
 def test_what_an_interrupted_write_left_is_swept_away_and_never_counted(whole: Result, tmp_path: Path):
     path, out = write(tmp_path), tmp_path / "out"
     run(planned(path), out, runs=6)

@@ -52,6 +52,7 @@ def faulty(folder: Path, fault: str, **keys: str) -> Unit:
     return written(folder, {"name": "faulty", "path": "libfaulty.so", **keys})
 
 
+@pytest.mark.long
 def test_a_table_does_not_depend_on_how_many_units_fly_it(tmp_path: Path):
     tested = unit(tmp_path, "monitor")
     one, four = fly(tmp_path, tested, "one", workers=1), fly(tmp_path, tested, "four", workers=4)
@@ -149,6 +150,7 @@ def test_a_plan_has_the_identity_of_what_it_flies(begun: Path, rig_command, monk
     assert code == 0 and identity not in out and "environment VOTER=median" in out
 
 
+@pytest.mark.long
 def test_a_file_that_changes_while_a_campaign_flies_ends_it_and_no_run_of_it_counts(tmp_path: Path):
     tested = with_gains(tmp_path, "1")
 
@@ -190,6 +192,7 @@ def test_a_box_is_one_worker(tmp_path: Path):
     assert fly(tmp_path, box, "out", runs=1).outcomes == {"unit refused": 1}
 
 
+@pytest.mark.long
 def test_a_control_law_flies_behind_the_managers_of_a_campaign(tmp_path: Path):
     """Each manager votes and is named with the law; a law in Python flies the same, and another text is refused."""
     vary = '"redundancy.manager" = ["cross-channel", "mean"]\n"faults.0.signal"'

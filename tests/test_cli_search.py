@@ -88,6 +88,7 @@ def test_a_folder_of_something_else_is_refused(rig_command: Command, tmp_path: P
     assert [path.name for path in (tmp_path / "s").iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.long
 def test_from_nothing_to_a_scenario_that_violates(
     rig_command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -120,6 +120,7 @@ def test_the_same_seed_and_number_make_the_same_choices_and_every_leaf_has_its_t
     assert Draw("file", 5, 1).rng.random() == Draw("file", 5, 1).rng.random() != Draw("file", 6, 1).rng.random()
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 def test_a_case_that_hangs_is_ended(tmp_path: Path):
     from hostile_cases.supervise import run

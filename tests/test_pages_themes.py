@@ -67,7 +67,8 @@ SHOWN = """<script>setTimeout(() => {
 }, 1500)</script>"""  # noqa: E501
 
 
-@pytest.mark.parametrize("dark", [pytest.param(False, marks=pytest.mark.long), True])
+@pytest.mark.long
+@pytest.mark.parametrize("dark", [False, True])
 @outside.needs("chromium")
 def test_figures_and_page_follow_the_setting_of_the_reader(tmp_path: Path, dark: bool):
     lines, grid = go.Figure(), go.Figure(go.Heatmap(z=[[0.0, 1.0]], colorscale=palette.SHARE_SCALE, name="share"))

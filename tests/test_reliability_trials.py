@@ -236,6 +236,7 @@ def run(*argv: str) -> Any:
     return CliRunner().invoke(app, ["reliability", "trials", *argv])
 
 
+@pytest.mark.long
 def test_the_command_writes_the_same_folder_of_cells_by_any_worker(tmp_path: Path):
     (tmp_path / "c.toml").write_text(SMALL)
     told = {}

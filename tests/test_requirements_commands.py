@@ -220,6 +220,7 @@ def test_a_recording_has_what_was_sampled_and_voted(rig_command, tmp_path):
         assert (code, err.count("\n")) == (2, 1) and says in err and not (tmp_path / "v.csv").exists()
 
 
+@pytest.mark.long
 def test_a_campaign_measures_every_run(rig_command, tmp_path, tight):
     (tmp_path / "own.toml").write_text(TIGHT)
     keys = 'base = "f16_pitch_rate_hardover"\nsampling = "grid"\nrequirements = ["own.toml"]\n[set]\nduration_s = 3.0\n'

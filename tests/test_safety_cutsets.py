@@ -153,6 +153,7 @@ def test_a_folder_of_something_else_is_refused_before_any_flight(tmp_path: Path,
     assert not flown and [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.long
 def test_an_interrupted_enumeration_gives_the_same_tables_with_any_workers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

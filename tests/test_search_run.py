@@ -150,6 +150,7 @@ def _confirmed(folder: Path) -> dict[str, Any]:
     return Folder(folder / "confirmed", ConfirmPlan(plan())).tables
 
 
+@pytest.mark.long
 def test_an_interruption_while_it_confirms_costs_no_flight(whole: tuple[Path, Ended], tmp_path: Path):
     def interrupt(what: str, done: int, total: int) -> None:
         if what.startswith("shrinking"):
@@ -194,6 +195,7 @@ def test_a_folder_of_another_search_is_refused(whole: tuple[Path, Ended]):
         run(plan(seed=1), whole[0], workers=1)
 
 
+@pytest.mark.long
 def test_against_another_setting_both_flights_are_of_one_draw(tmp_path: Path):
     ended = run(plan(70, against="redundancy.manager=cross-channel"), tmp_path / "s", workers=1)
     runs = open_folder(tmp_path / "s").tables["runs"]
@@ -213,6 +215,7 @@ def test_a_key_of_against_that_is_none_is_refused(tmp_path: Path):
     assert not (tmp_path / "s").exists()
 
 
+@pytest.mark.long
 def test_open_loop_trials_find_what_flies(tmp_path: Path):
     ended = run(plan(bench=True), tmp_path / "s", workers=1)
     first = ended.figures["clusters"][0]
@@ -235,6 +238,7 @@ def after_trials(once: Any) -> tuple[Path, Ended]:
     return once("after-trials", lambda place: (place / "s", run(plan(**TRIALS_FIRST), place / "s", workers=1)))
 
 
+@pytest.mark.long
 def test_trials_before_the_flights_say_where_the_flights_begin(after_trials: tuple[Path, Ended]):
     folder, ended = after_trials
     trials = ended.figures["trials"]
@@ -275,6 +279,7 @@ def test_against_a_set_that_violates_without_faults_is_refused(tmp_path: Path):
         run(plan(70, formula=formula, against="sensors.pitch_rate.channels=3"), tmp_path / "s", workers=1)
 
 
+@pytest.mark.long
 def test_a_requirement_that_every_flight_violates_does_not_hide_another(tmp_path: Path):
     always = Requirement(id="always", formula="always[0, 2.9] abs(error.pitch_rate.1) <= 0.025")
     never = Requirement(id="never", formula="voted.pitch_rate < 100")

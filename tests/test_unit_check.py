@@ -81,6 +81,7 @@ def test_the_monitor_in_c_meets_every_requirement_to_the_bit(
     assert len(found.requirements) > 40
 
 
+@pytest.mark.long
 def test_a_unit_with_rules_of_its_own_keeps_to_the_interface_alone(
     tmp_path: Path, rig_command, monkeypatch: pytest.MonkeyPatch
 ):

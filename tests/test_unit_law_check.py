@@ -71,6 +71,7 @@ def failed(found: Checked) -> list[str]:
     return [one.name for one in found.requirements if not one.passed]
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_the_example_in_c_and_that_in_python_meet_every_requirement(tmp_path: Path, rig_command):
     unit(tmp_path, "pid", **ROLE)
@@ -121,6 +122,7 @@ def test_a_process_that_steps_frames_of_other_sessions_is_found(tmp_path: Path):
     assert failed(check(tmp_path / "unit.toml")) == ["a frame of another session is not stepped"]
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_a_box_at_an_address_is_asked_for_one_rig_at_a_time(tmp_path: Path):
     with listening(build("pid_udp")) as address:

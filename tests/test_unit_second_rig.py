@@ -74,6 +74,7 @@ def test_what_a_second_rig_finds_wrong(tmp_path: Path, monkeypatch: pytest.Monke
     assert all(wrong.get(name, "") in said and bool(said) == (name in wrong) for name, said in found.items()), found
 
 
+@pytest.mark.long
 def test_the_conformance_test_has_these_lines_for_a_box_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(unit_second_rig, "SILENCE_S", 1.0)
     with box(tmp_path, QUICK) as address:

@@ -245,6 +245,7 @@ def test_a_flight_computer_that_says_no_law_flies_one_of_its_own(tmp_path: Path)
     assert (fly(tmp_path, tested).rows["law"] == Law.EXTERNAL).all()
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_the_check_asks_it_for_no_level_and_takes_all_channels_as_in_use(tmp_path: Path):
     unit(tmp_path, "median", isolate=False)
