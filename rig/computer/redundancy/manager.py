@@ -16,7 +16,7 @@ from rig.computer.redundancy.compare import classify, comparable, is_split, rank
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
-from rig.computer.redundancy.quiet import is_quiet, sum_quiet
+from rig.computer.redundancy.quiet import is_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
 from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
@@ -194,22 +194,16 @@ def vote_quiet(reference, second, n, p, st):
     x, order = st["x"], st["order"]
     st["reference_threshold"], st["threshold"] = reference_monitor.reference_threshold(reference, p), threshold(n, p)
     st["pattern_frames"] += 1
+    st["whole"] = True
     update_trend(st, x[order[n // 2]], x[order[(n - 1) // 2]], n, p)
     weight = vote.trend_weight(st["rise_high"], st["rise_low"], st["rise_vote"]) if p["weighted"] else 0.5
     voted = vote.median(x, order, n, st["miscomparing"], weight)
     reference_monitor.monitor_reference(reference, n, p, st)
     decided_by = reference_monitor.watch_common(DecidedBy.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
-    if slow_faults.lasts(p) or decided_by != DecidedBy.NONE:
-        bits = 0
-        if decided_by == DecidedBy.NONE:
-            if p["slow_limit"] > 0.0 and n > 2:
-                m = slow_faults.summed_from(n, reference, p, st)
-                summed = slow_faults.NO_CHANNEL if is_cut(m, p) else sum_quiet(m, n, p, st)
-                bits |= 0 if summed == slow_faults.NO_CHANNEL else 1 << summed
-            bits |= isolate_slow(reference, n, p, st)
-        if decided_by != DecidedBy.NONE or bits != 0:
-            decided_by = latch_all(decided_by, bits, p, st)
+    slow = slow_of(reference, n, p, st) if decided_by == DecidedBy.NONE and slow_faults.lasts(p) else 0
+    if slow != 0 or decided_by != DecidedBy.NONE:
+        decided_by = latch_all(decided_by, slow, p, st)
     publish(voted, p, st)
     return decided_by
 

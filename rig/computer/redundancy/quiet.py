@@ -6,7 +6,6 @@ In such a frame no channel is suspect, counted or faded, and all fitted channels
 from __future__ import annotations
 
 from rig.computer.redundancy.compare import threshold
-from rig.computer.redundancy.slow_faults import CALM, NO_CHANNEL, largest_sum, sum_one
 from rig.core.frame import CHANNELS, Pattern
 from rig.core.kernels import kernel
 
@@ -29,28 +28,3 @@ def is_quiet(n, p, st):
     for c in range(CHANNELS):
         pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0
     return not pending
-
-
-@kernel
-def at_rest(m, n, p, st):
-    """Return True if the sums of the first ``n`` channels are zero, and stay so."""
-    x, bias, above, below = st["x"], st["tests"]["bias"], st["above"], st["below"]
-    allowance, rest = p["slow_allowance"], True
-    for c in range(n):
-        rest &= (abs(x[c] - bias[c] - m) <= allowance) & (above[c] + below[c] <= 0.0)
-    return rest
-
-
-@kernel
-def sum_quiet(m, n, p, st):
-    """Sum of a quiet signal, its ``n`` >= 3 channels all ranked; return the channel that fails, or NO_CHANNEL."""
-    limit = p["slow_limit"]
-    if not at_rest(m, n, p, st):
-        calm, largest, most = 0, 0.0, limit / (p["persistence"] - 0.5)
-        for c in range(n):
-            reached = sum_one(c, m, most, p, st)
-            calm += reached < CALM * limit
-            largest = max(largest, reached)
-        if largest > limit and 2 * calm > n:
-            return largest_sum(n, limit, st)
-    return NO_CHANNEL
