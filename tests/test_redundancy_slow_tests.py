@@ -434,3 +434,17 @@ def test_a_narrower_threshold_flies_without_the_tests_of_the_aircraft(threshold:
     signals = load(None, [f"redundancy.signals.pitch_rate.threshold={threshold}"]).redundancy.signals
     assert (signals.pitch_rate.slow_tests is not None) is tested
     assert signals.yaw_rate.slow_tests is not None
+
+
+@pytest.mark.parametrize(("rate_hz", "times"), [(50, 0.0), (100, 1.0), (200, 2.0), (400, 4.0)])
+def test_the_error_of_a_reference_in_motion_is_that_of_a_time_not_of_frames(rate_hz: int, times: float):
+    """A reference that lags by 0.08 s is off by as much at any rate; the motion of a frame is less at a higher one."""
+    designed, flown = (monitor(load(None, sets)) for sets in ([], [f"rate_hz={rate_hz}"]))
+    assert designed["slow_reference_frames"].any()
+    assert flown["slow_reference_frames"] == pytest.approx(times * designed["slow_reference_frames"])
+    assert (flown["slow_reference"] == (designed["slow_reference"] if times else 0.0)).all()
+
+
+def test_a_rate_that_is_given_twice_scales_it_once():
+    twice = load({"rate_hz": 200.0, "duration_s": 1.0}, ["rate_hz=400"])
+    assert monitor(twice)["slow_reference_frames"] == pytest.approx(4.0 * monitor(load(None))["slow_reference_frames"])

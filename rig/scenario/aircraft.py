@@ -116,19 +116,33 @@ def without_designed(below: dict[str, Any], above: dict[str, Any]) -> dict[str, 
 
     A signal with a narrower threshold has no tests: their biases may be as large.  At a lower rate none has tests: a
     sample is older then, and the aircraft moves further from frame to frame.  A reference of another source has
-    another error: it is not asked about halves.
+    another error: it is not asked about halves.  At another rate its error in motion is that of the same time.
     """
-    signals, rate_hz = _tables(below.get("redundancy"), "signals"), above.get("rate_hz")
+    signals, designed_hz = _tables(below.get("redundancy"), "signals"), _rate_hz(below, DESIGNED_AT_HZ)
+    rate_hz = _rate_hz(above, designed_hz)
     sensors = [name for name, table in _tables(above, "sensors").items() if table.keys() - SAME_ERRORS]
-    slower = isinstance(rate_hz, int | float) and rate_hz < DESIGNED_AT_HZ
-    without = [*(INDEX if slower else ()), *_narrowed(signals, _tables(above.get("redundancy"), "signals"))]
+    without = [
+        *(INDEX if rate_hz < DESIGNED_AT_HZ and "rate_hz" in above else ()),
+        *_narrowed(signals, _tables(above.get("redundancy"), "signals")),
+    ]
     off = {**dict.fromkeys(without, TESTS), **{name: {**TESTS, **STALE} for name in sensors}}
     gone = {name: {**signals[name], **keys} for name, keys in off.items() if name in signals}
-    for name in _of_other_sources(below, above):
+    faster, others = rate_hz / designed_hz, _of_other_sources(below, above)
+    for name in signals if faster != 1.0 else others:
         tests = gone.get(name, signals.get(name, {})).get("slow_tests")
         if isinstance(tests, dict):
-            gone[name] = {**signals[name], "slow_tests": tests | {key: 0.0 for key in ERRORS if key in tests}}
+            factors = dict.fromkeys(ERRORS, 0.0) if name in others else {"reference_frames": faster}
+            scaled = {
+                key: tests[key] * factor for key, factor in factors.items() if isinstance(tests.get(key), int | float)
+            }
+            gone[name] = {**gone.get(name, signals[name]), "slow_tests": tests | scaled}
     return merge(below, {"redundancy": {"signals": gone}}) if gone else below
+
+
+def _rate_hz(data: dict[str, Any], otherwise: float) -> float:
+    """Return the frame rate in ``data``; ``otherwise`` if it has none, or one that will be refused."""
+    rate_hz = data.get("rate_hz")
+    return float(rate_hz) if isinstance(rate_hz, int | float) and rate_hz > 0 else otherwise
 
 
 def _of_other_sources(below: dict[str, Any], above: dict[str, Any]) -> list[str]:
