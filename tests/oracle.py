@@ -1,6 +1,6 @@
 """The monitor once more, in plain Python and from the requirement alone: an independent expectation.
 
-Nothing here is taken from rig.computer.redundancy; where the two differ, one of them misread redundancy.md.
+Nothing here is taken from rig.computer.redundancy; where the two differ, one of them misread decisions.md.
 Samples are given as lists of four, None for one that cannot be compared.
 """
 

@@ -49,7 +49,9 @@ def as_it_is(flight: Flight, _: Pick) -> Flight:
 
 def some_seconds(flight: Flight, pick: Pick) -> Flight:
     """Noise of 0.02 and biases up to 0.1 on a value that moves little, and a fault after some seconds."""
-    s, random = flight.settings, Random(pick(range(10**6)))
+    s, seed = flight.settings, pick(range(10**6))
+    random, other = Random(seed), Random(-seed - 1)
+    burst, glitch = burst_of_two(other), reference_glitch(other)
     calm, after, fault = pick([150, 380, 380, 600]), pick([120, 260]), pick(FAULTS)
     calm = 600 if fault in BY_SQUARES else calm
     after = 260 if fault in ("pair stuck", "third noise") else after
@@ -70,11 +72,25 @@ def some_seconds(flight: Flight, pick: Pick) -> Flight:
                 x = faulty(kind, x, size, k - calm, random, hold)
             if fault.startswith("third") and c not in (wrong[0], left) and k > 20 + apart * c:
                 x -= 5.0
+            x += burst.get((k, c), 0.0)
             row.append(x if c < s.channels and random.random() > 0.001 else None)
         samples.append(row)
-        references.append(None if off is None else truth + off + random.gauss(0.0, 0.004))
+        references.append(None if off is None else truth + off + random.gauss(0.0, 0.004) + glitch.get(k, 0.0))
     n = len(samples)
     return Flight(s, samples, [("absent",) * 4] * n, references, [None] * n, [()] * n)
+
+
+def burst_of_two(random: Random) -> dict[tuple[int, int], float]:
+    """What two channels are off for up to three frames, by frame and channel, alike or not; of most flights nothing."""
+    start, frames, two = random.randrange(20, 600), random.randint(1, 3), random.sample(range(4), 2)
+    off = random.choice([(0.0, 0.0), (0.0, 0.0), (5.0, 5.0), (5.0, 8.0), (3.0, 6.0)])
+    return {(start + k, c): error for k in range(frames) for c, error in zip(two, off, strict=True)}
+
+
+def reference_glitch(random: Random) -> dict[int, float]:
+    """What the reference is off for a moment, by frame; of most flights nothing."""
+    start, (size, frames) = random.randrange(20, 500), random.choice([(0.0, 0)] * 4 + [(9.0, 1), (-9.0, 1), (4.0, 90)])
+    return dict.fromkeys(range(start, start + frames), size)
 
 
 def faulty(fault: str, x: float, size: float, k: int, random: Random, hold: float) -> float:

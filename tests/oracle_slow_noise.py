@@ -15,7 +15,8 @@ class SecondDifferences:
     s: Settings
     middles: list[float] = field(default_factory=list)  # changes of the middle, the newest last
     apart: list[float] = field(default_factory=list)  # D
-    frames: int = 0  # since another number of channels, a split of more than two or a stop
+    straight: int = 0  # changes of the middle in a row that are the aircraft's
+    counted: int = 0  # second differences in the means
     both: float = 0.0
     of_d: float = 0.0
     product: float = 0.0
@@ -23,19 +24,20 @@ class SecondDifferences:
 
     def begin(self) -> None:
         """Another number of channels."""
-        self.frames, self.both, self.of_d, self.product = 0, 0.0, 0.0, 0.0
+        self.straight, self.counted = -1, 0
+        self.both, self.of_d, self.product = 0.0, 0.0, 0.0
 
     def watch(self, change: float, y: dict[int, float], learned: int, noise: float) -> set[int]:
-        """The noisy one of two channels; noise : learned variance of a channel."""
+        """The noisy one of two channels; noise : variance of a healthy one."""
         self.middles = [*self.middles, change][-2:]
         a, b = (min(y), max(y)) if len(y) == 2 else (0, 0)
         self.apart = [*self.apart, y[a] - y[b] if len(y) == 2 else 0.0][-3:]
-        self.frames += 1
-        if self.frames < 3:
+        if self.straight < 2:
             return set()
+        self.counted += 1
         turn = self.middles[1] - self.middles[0]
         d = (self.apart[2] - self.apart[1]) - (self.apart[1] - self.apart[0])
-        usual = 6.0 * max(noise, self.s.slow_noise**2)
+        usual = 6.0 * noise
         self.both += (turn**2 - d**2 / 4.0 - self.both) / 100.0
         shared = max(self.both - 0.3 * usual, 0.0)
         self.roughest = max(0.9999 * self.roughest, shared)
@@ -52,6 +54,6 @@ class SecondDifferences:
         rough, smooth = self.of_d / 2.0 + abs(self.product), self.of_d / 2.0 - abs(self.product)
         limit = 0.6 * self.s.slow_halves * sqrt(self.of_d * shared + usual**2)
         found = abs(self.product) > max(floor, limit, smooth) and rough > usual * (1.0 + 0.85 * self.s.slow_halves)
-        if not found or self.frames <= 200 or learned < 500:
+        if not found or self.counted < 200 or learned < 500:
             return set()
         return {pair[0] if self.product > 0.0 else pair[1]}

@@ -57,7 +57,7 @@ class SlowTests:
         self.bias = dict.fromkeys(range(4), 0.0)
         self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
         self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
-        self.vote, self.reference_vote = Mean(), 0.0
+        self.vote, self.reference_vote, self.after_odd = Mean(), 0.0, False
         self.second = SecondDifferences(self.s)
 
     def begin(self, n: int) -> None:
@@ -82,17 +82,17 @@ class SlowTests:
     def isolated(self, view: View, trusted: bool, whole: bool) -> set[int]:
         """The channels that a test isolates; then the frame is learned, or not."""
         n = len(view.use)
-        if not self.s.slow_means or n < 2 or not whole:
+        if not self.s.slow_means:
             return set()
+        if n < 2 or not whole:
+            return self.stop("a channel is missing")
         if not self.begun:
             self.begun = True
             self.rules.add("test: learned again after a reset")
         y = {c: x - self.bias[c] for c, x in view.use.items()}
         m = median(y.values())
         if self.cut(m):
-            self.rules.add("test: near an end of the range")
-            self.second.frames = 0
-            return set()
+            return self.stop("near an end of the range")
         if not self.k:
             self.usual.value = self.last = m
         self.vote.move(cut(self.s.change(median(view.use.values()), m), self.s.within(n)), 100)
@@ -101,16 +101,15 @@ class SlowTests:
         if self.weights >= self.next_limits:
             self.known = min(max(self.weights, 1.0), 2000.0)
             self.next_limits = 1.1 * self.known if self.known < 2000.0 else inf
-        if self.unmoved(view):
-            self.second.frames = 0
         sigma = sqrt(max(self.noise.value, self.shaken, self.s.slow_noise**2))
-        a = self.allowance(m, sigma, n)
+        a = self.allowance(m, sigma, self.unmoved(view), n)
+        self.second.straight = self.second.straight if self.k else -1
         shares = self.shares({c: x - m for c, x in y.items()}, a, sigma) if self.k else dict.fromkeys(y, 0.0)
         rho = None if view.reference is None else self.s.change(view.reference - self.reference_bias, m)
         half_share, way, alike = self.halves(y, rho, a) if self.k and n != 3 else (0.0, 0, False)
         found = self.half(way, half_share if alike else 0.0, rho, trusted, set(y))
         self.by = "slow_halves"
-        noisy = self.second.watch(self.moved, y, self.k, self.halves_noise.value) if self.k else set[int]()
+        noisy = self.second.watch(self.moved, y, self.k, self.healthy(n)) if self.k else set[int]()
         if noisy and not found:
             self.rules.add("test: the noisy of two")
             self.by, found = "slow_squares", noisy
@@ -118,8 +117,15 @@ class SlowTests:
         if not found and not stopped:
             found = self.one(shares)
         if not found and view.pattern == "normal" and max(*shares.values(), half_share) < 0.5:
-            self.learn(y, m, rho, sigma, a)
+            self.learn(y, m, self.to_learn(rho, trusted), sigma, a)
         return found
+
+    def stop(self, why: str) -> set[int]:
+        """No test runs in this frame, and the next change of the middle is that of several frames."""
+        self.rules.add(f"test: {why}")
+        self.second.straight = -1
+        self.after_odd = False
+        return set()
 
     def at_end(self, view: View) -> bool:
         """Whether the tests are on, and the middle is so near an end of the range."""
@@ -132,15 +138,22 @@ class SlowTests:
         return not self.s.turn and not self.s.low + margin <= m <= self.s.high - margin
 
     def unmoved(self, view: View) -> bool:
-        """Whether what the middle moves is the split's."""
-        return ":" in view.pattern and len(view.use) > 2
+        """Whether the middle of more than two is not that of a majority."""
+        n = len(view.use)
+        in_the_middle = {view.ascending[(n - 1) // 2], view.ascending[n // 2]}
+        if n > 2 and ":" not in view.pattern and in_the_middle & view.lonely:
+            self.rules.add("test: a median off the majority")
+            return True
+        return n > 2 and ":" in view.pattern
 
-    def allowance(self, m: float, sigma: float, n: int) -> float:
-        """What motion alone may do to a residual."""
+    def allowance(self, m: float, sigma: float, odd: bool, n: int) -> float:
+        """What motion alone may do to a residual; odd : the middle is not that of a majority."""
         self.moved, self.last = self.s.change(m, self.last), m
-        if self.second.frames:
+        self.second.straight = -1 if odd or self.after_odd else self.second.straight
+        self.second.straight, self.after_odd = self.second.straight + 1, odd
+        if self.second.straight:
             self.v = max(abs(self.change.move(self.moved, 16)), 0.99 * self.v)
-        if self.second.frames and n > 2:
+        if self.second.straight and n > 2:
             self.v = max(self.v, abs(self.moved) - 3.0 * sigma)
         return 2.0 * self.s.slow_scale * abs(self.s.change(m, self.usual.value)) + self.s.slow_skew * self.v
 
@@ -187,6 +200,14 @@ class SlowTests:
         """Whether enough of ``n`` channels are calm."""
         return calm > n / 2 or (n == 4 and calm == 2 and beyond_the_sheet)
 
+    def healthy(self, n: int) -> float:
+        """Variance of D of healthy channels: the data sheet's where four have never shown it."""
+        shown = self.halves_noise.value
+        if n < 4 and not shown:
+            self.rules.add("test: halves of which four were never in use")
+            return 4.0 * self.s.slow_noise**2
+        return max(shown, self.s.slow_noise**2)
+
     @property
     def error(self) -> float:
         """The healthy error of the reference."""
@@ -197,7 +218,7 @@ class SlowTests:
         """Share of the way with the largest mean square, that way, and whether it is suspected."""
         four = len(y) == 4
         ways = WAYS if four else [({min(y)}, {max(y)})]
-        healthy = max(self.halves_noise.value, self.halves_shaken, self.s.slow_noise**2) * (1.0 if four else 2.0)
+        healthy = max(self.healthy(len(y)), self.halves_shaken) * (1.0 if four else 2.0)
         limit = self.limit(100.0, self.s.slow_halves) * sqrt(healthy)
         square_limit = 1.2 * self.squares_limit / self.s.slow_squares * self.s.slow_halves
         at_once = 1.0 - exp(-14.0 / 100.0)
@@ -259,6 +280,10 @@ class SlowTests:
         """What a frame adds to what is known."""
         return weight
 
+    def to_learn(self, rho: float | None, trusted: bool) -> float | None:
+        """What a frame tells of the reference's bias: nothing while it is unusable, a threshold at most."""
+        return None if rho is None or not trusted else cut(rho, self.s.reference_threshold)
+
     def learn(self, y: dict[int, float], m: float, rho: float | None, sigma: float, a: float) -> None:
         """Move what is learned."""
         most = self.step(sigma, a) if self.k else inf
@@ -271,7 +296,7 @@ class SlowTests:
             self.bias[c] = cut(self.bias[c] + share * cut(x - m, most), bound)
         self.k += 1
         if rho is not None:
-            gain = 1.0 / min(self.reference_k + 1, 1000)
-            self.reference_bias = cut(self.reference_bias + gain * rho, self.s.reference_threshold)
+            gain, most = 1.0 / min(self.reference_k + 1, 1000), self.s.reference_threshold
+            self.reference_bias = cut(self.reference_bias + gain * rho, most)
             self.reference_vote += gain * (self.vote.value - self.reference_vote)
             self.reference_k += 1

@@ -87,7 +87,7 @@ def test_a_healthy_flight_within_the_threshold_never_suspects_anybody(samples):
 @FEW
 @given(DISTINCT)
 def test_the_pattern_is_that_of_the_definition(values):
-    """Patterns from the pairwise definition of redundancy.md, section 2, written down naively."""
+    """Patterns from the pairwise definition of decisions.md, written down naively."""
     agree = {(i, j): abs(values[i] - values[j]) <= 1.0 for i, j in itertools.combinations(range(4), 2)}
     partners = [sum(agree[min(i, j), max(i, j)] for j in range(4) if j != i) for i in range(4)]
     rank = np.argsort(values)

@@ -71,6 +71,16 @@ def test_a_share_is_what_a_statistic_reaches_of_its_bare_limit():
     assert found.shares[1] == pytest.approx(size**2 / 2 / bare.square, rel=0.4)
 
 
+def test_frames_in_which_the_tests_do_not_run_add_nothing_to_the_error_of_a_reference():
+    """Its last difference from the median once counted again in each of them."""
+    for seed in SEEDS:
+        samples, reference = noise(seed, 6000), np.random.default_rng(seed).normal(0.0, 0.05, 6000)
+        whole = measured(samples, reference).errors[0]
+        for at in range(2000, 6000, 400):
+            samples[at : at + 200, 1] = np.nan
+        assert 0.5 * whole < measured(samples, reference).errors[0] <= 1.2 * whole
+
+
 def test_no_channel_is_isolated_while_shares_are_measured():
     """Far beyond the threshold, and for long: the share goes on, and the flight has its channel to the end."""
     samples = noise(3, 3000)

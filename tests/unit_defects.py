@@ -296,8 +296,18 @@ SLOW_TESTS = [
     Defect("a reference too good to decide is asked", "!((size * (steep + 0.5)) >= near)", "!(size >= 0.0)"),
     Defect(
         "the reference's bias not learned",
-        "const double bias = t->reference_bias + (share * t->reference_off);",
+        "const double bias = t->reference_bias + (share * clamp(t->reference_off, -most, most));",
         "const double bias = 0.0 * share;",
+    ),
+    Defect(
+        "an unusable reference is learned",
+        "if (usable) {\n        halves_learn",
+        "if (usable || true) {\n        halves_learn",
+    ),
+    Defect(
+        "a reference far off is learned at once",
+        "(share * clamp(t->reference_off, -most, most))",
+        "(share * t->reference_off)",
     ),
     Defect("a reference asked before it is known", "#define REFERENCE_FROM 300 ", "#define REFERENCE_FROM 100 "),
 ]

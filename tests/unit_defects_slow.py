@@ -65,11 +65,24 @@ OF_NOISE = [
 OF_MOTION = [
     Defect(
         "the middle of a split moves as the aircraft",
-        "if (split && (f->n > 2)) {",
-        "if (split && (f->n > RIG_CHANNELS)) {",
+        "(split || off_majority(f))",
+        "off_majority(f)",
     ),
     Defect(
-        "tests at the end of the range", "if (tests_is_cut(m, p, t)) {", "if (tests_is_cut(m, p, t) && (f->n < 0)) {"
+        "a middle off the majority moves as the aircraft",
+        "(split || off_majority(f))",
+        "(split || (off_majority(f) && (f->n < 0)))",
+    ),
+    Defect("the way out of a split moves as the aircraft", "t->second.turns = -1;", "t->second.turns = 0;"),
+    Defect("the change over a gap moves as that of a frame", "(f->n < 2) || !s->split.whole;", "(f->n < 2);"),
+    Defect(
+        "half of the noise where four were never in use",
+        "slow_noise * TESTS_LEAST;\n        return",
+        "slow_noise;\n        return",
+    ),
+    Defect("the age of the noise after a stop", "    s->turned++;\n", "    s->turned = s->turns;\n"),
+    Defect(
+        "tests at the end of the range", "|| tests_is_cut(m, p, t)) {", "|| (tests_is_cut(m, p, t) && (f->n < 0))) {"
     ),
     Defect(
         "sums at the end of the range",

@@ -398,6 +398,73 @@ class _Kept(SlowTests):
         pass
 
 
+class _LearnsUnusable(SlowTests):
+    def to_learn(self, rho: float | None, trusted: bool) -> float | None:
+        return super().to_learn(rho, True)
+
+
+class LearnsUnusable(Other):
+    """The bias of an unusable reference is learned."""
+
+    tests = _LearnsUnusable
+
+
+class _LearnsFarOff(SlowTests):
+    def to_learn(self, rho: float | None, trusted: bool) -> float | None:
+        return rho if trusted else None
+
+
+class LearnsFarOff(Other):
+    """A frame of the reference counts whatever it is off."""
+
+    tests = _LearnsFarOff
+
+
+class _MovedOffMajority(SlowTests):
+    def unmoved(self, view: View) -> bool:
+        return ":" in view.pattern and len(view.use) > 2
+
+
+class MovedOffMajority(Other):
+    """A median off the majority moves as the aircraft does."""
+
+    tests = _MovedOffMajority
+
+
+class _MovedOut(SlowTests):
+    def allowance(self, m: float, sigma: float, odd: bool, n: int) -> float:
+        self.after_odd = False
+        return super().allowance(m, sigma, odd, n)
+
+
+class MovedOutOfSplits(Other):
+    """The change of the median after a split is that of the aircraft."""
+
+    tests = _MovedOut
+
+
+class _MovedByGaps(SlowTests):
+    def stop(self, why: str) -> set[int]:
+        return super().stop(why) if "missing" not in why else set()
+
+
+class MovedByGaps(Other):
+    """The change of the median over a gap is that of a frame."""
+
+    tests = _MovedByGaps
+
+
+class _HalfOfTheNoise(SlowTests):
+    def healthy(self, n: int) -> float:
+        return max(self.halves_noise.value, self.s.slow_noise**2)
+
+
+class HalfOfTheNoise(Other):
+    """Where four channels were never in use the noise of halves is half of the data sheet's."""
+
+    tests = _HalfOfTheNoise
+
+
 class KeptAfterReset(Other):
     """What slow-fault tests have learned is kept where a channel is readmitted."""
 

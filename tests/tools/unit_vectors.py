@@ -350,6 +350,15 @@ TESTED: list[tuple[str, list[Wanted]]] = [
             *reached("test: one by slow_squares"),
         ],
     ),
+    (
+        "they learn a usable reference, up to its threshold, and take no gap and no median off the majority for motion",
+        [
+            *otherwise(vector_rules.LearnsUnusable, vector_rules.LearnsFarOff),
+            *otherwise(vector_rules.MovedOffMajority, vector_rules.MovedOutOfSplits, vector_rules.MovedByGaps),
+            *otherwise(vector_rules.HalfOfTheNoise),
+            *reached("test: a half of 2", "test: a half of 4"),
+        ],
+    ),
 ]
 LIMITS = [
     (True, "reference_threshold"),

@@ -1,6 +1,6 @@
 /* LRU failure: a channel accused on several signals of a box at once is failed on all signals of that box.
  *
- * redundancy.md of that name.
+ * docs/explanation/decisions.md, 'LRU failure'.
  */
 #include <string.h>
 

@@ -158,7 +158,7 @@ static double threshold(int n, params *p)
     return (n == 3) ? p->threshold_triplex : p->threshold_duplex;
 }
 
-/* redundancy.md 'References': of a dynamic pressure that is made from the speed over ground, the wind is the error. */
+/* decisions.md 'References': of a dynamic pressure that is made from the speed over ground, the wind is the error. */
 static double reference_threshold(double reference, params *p)
 {
     if ((p->reference_airspeed_m_s > 0.0) && (reference > 0.0)) {

@@ -54,6 +54,7 @@ struct slow_faults {
 #define WAYS 3                /* to halve four channels */
 #define TESTS_SLOW 100.0      /* frames of a slow mean */
 #define TESTS_LEARNING 1000.0 /* frames of the mean that a bias is */
+#define TESTS_LEAST 2.0       /* noise of the data sheet over slow_noise, the least that is reckoned with */
 #define TESTS_BURST 14.0      /* frames that the largest steps need to reach a limit */
 #define TESTS_MEANS_FROM 200  /* frames that are learned before a mean tells anything, */
 #define TESTS_SQUARES_FROM 500 /* and before one of squares does */
@@ -77,7 +78,8 @@ struct halves {
 
 /* Second differences of the middle, and of D, the difference of two channels that are left. */
 struct noise {
-    int64_t turns;                 /* frames since another number of channels, a split of more than two or a stop */
+    int64_t turns;                 /* frames since the middle last moved as no aircraft does */
+    int64_t turned;                /* frames that the means have counted */
     double change;                 /* of the middle, from the last frame, */
     double last_change;            /* and before that */
     double last_apart, last_moved; /* D of the last frame and its change */
@@ -287,7 +289,7 @@ bool compare_is_comparable(const struct frame *f, int c, params *p);
 /* Put n channels into ascending order of x. */
 void compare_sort(const double *x, int *order, int n);
 
-/* redundancy.md 'A filter before the comparison': the next value after `last`, which is NaN at the beginning. */
+/* decisions.md 'Noise: a filter before the comparison': the next value after `last`, which is NaN at the beginning. */
 double compare_follow(double last, double x, const struct frame *f, params *p);
 
 /* Name the pattern, mark channels that agree with none, and count for how many frames the pattern has lasted; behind a filter
@@ -354,6 +356,12 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s);
 /* Begin the means of all ways to halve n channels again. */
 void halves_begin(int n, struct slow_tests *t);
 
+/* Move the bias of the reference towards what it is off, by at most `most` a frame. */
+void halves_learn_reference(double most, struct slow_tests *t);
+
+/* Variance of D of four healthy channels, with n in use: the data sheet's where four were never in use. */
+double halves_known_noise(int n, const struct slow_tests *t);
+
 /* Move the means of the ways to halve n channels; the one that is suspected, below 0: none. */
 int halves_suspect(int n, double allowed, struct slow_tests *t);
 
@@ -371,7 +379,7 @@ unsigned noise_isolate(int n, struct slow_tests *t);
 
 /* ---- tie_break.c ---- */
 
-/* redundancy.md 'Splits': this frame's vote, who decided it, and whom that would fail. */
+/* decisions.md 'Splits': this frame's vote, who decided it, and whom that would fail. */
 void tie_break_settle(struct frame *f, params *p, struct signal *s);
 void tie_break_keep_basis(const struct frame *f, struct signal *s);
 
@@ -380,7 +388,7 @@ void tie_break_keep_basis(const struct frame *f, struct signal *s);
 /* Bits of the signals that others are told by, and that one of their own references disputes. */
 int64_t references_in_dispute(const struct rig_config *config, const struct signal signals[RIG_SIGNALS]);
 
-/* redundancy.md 'The last channel': its monitor or its reference disputes it; reference or last vote instead. */
+/* decisions.md 'The last channel': its monitor or its reference disputes it; reference or last vote instead. */
 void references_check_last(struct frame *f, params *p, const struct signal *s);
 
 /* Fail the pair that extremes have left, if a usable reference is off both for long enough. */

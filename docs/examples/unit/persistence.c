@@ -1,6 +1,6 @@
 /* Persistence: miscompare counters, answers that last, latched failures, readmission by command.
  *
- * Sections 1 and 2; redundancy.md 'After a split' and 'No rule answers'.
+ * Sections 1 and 2; docs/explanation/decisions.md, 'Counts freeze' and 'Giving up'.
  */
 #include "monitor.h"
 

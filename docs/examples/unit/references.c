@@ -106,7 +106,7 @@ static bool off_vote(double reference, double threshold, const struct frame *f, 
     return fabs(difference(f->vote, reference, p)) > larger(margin, f->threshold);
 }
 
-/* redundancy.md 'Two references against all channels': all in use agree, both references contradict them.  None begins
+/* decisions.md 'All channels are wrong': all in use agree, both references contradict them.  None begins
  * to while a signal is in dispute that both may know from one source. */
 static bool contradicted(const struct frame *f, params *p, const struct signal *s)
 {

@@ -23,7 +23,7 @@ void rules_open(const struct rig_config *config, int signal, struct rules *r)
     r->box = told->box;
 }
 
-/* redundancy.md 'No rule answers': the signal is lost, so that its reference flies, or its degraded mode. */
+/* decisions.md 'When a signal is lost': the signal is lost, so that its reference flies, or its degraded mode. */
 bool rules_give_up(struct frame *f, params *p, struct signal *s)
 {
     const int64_t most = s->rules.unresolved_frames;

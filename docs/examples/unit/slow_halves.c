@@ -33,6 +33,26 @@ static int no_half(struct slow_tests *t)
     return NO_WAY;
 }
 
+void halves_learn_reference(double most, struct slow_tests *t)
+{
+    if (isfinite(t->reference_off)) {
+        const double share = 1.0 / smaller((double)t->reference_learned + 1.0, TESTS_LEARNING);
+        const double bias = t->reference_bias + (share * clamp(t->reference_off, -most, most));
+        t->reference_bias = clamp(bias, -most, most);
+        t->reference_vote += share * (t->vote_off - t->reference_vote);
+        t->reference_learned++;
+    }
+}
+
+double halves_known_noise(int n, const struct slow_tests *t)
+{
+    if ((n != RIG_CHANNELS) && (t->halves.noise <= 0.0)) {
+        const double sheet = t->set->slow_noise * TESTS_LEAST;
+        return sheet * sheet;
+    }
+    return larger(t->halves.noise, t->set->slow_noise * t->set->slow_noise);
+}
+
 /* The largest error of a healthy reference without its bias, at the present motion.  A reference that remembers the vote follows
  * when a change of level moves it: its bias is known no better than that. */
 static double reference_error(const struct slow_tests *t)
@@ -87,8 +107,7 @@ int halves_suspect(int n, double allowed, struct slow_tests *t)
         return no_half(t);
     }
     const bool four = n == RIG_CHANNELS;
-    const double least_noise = t->set->slow_noise * t->set->slow_noise;
-    const double healthy = (four ? 1.0 : 2.0) * larger(larger(h->noise, h->shaken), least_noise);
+    const double healthy = (four ? 1.0 : 2.0) * larger(halves_known_noise(n, t), h->shaken);
     const double sigma = sqrt(healthy);
     const double mean_limit = h->limit * sigma;
     struct steps steps;

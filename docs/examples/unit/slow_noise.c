@@ -17,6 +17,7 @@
 void noise_begin(struct noise *s)
 {
     s->turns = 0;
+    s->turned = 0;
     s->shared = 0.0;
     s->rough = 0.0;
     s->rougher = 0.0;
@@ -31,7 +32,7 @@ static unsigned noisy(double usual, double least, double common, const struct sl
     const double other = (0.5 * s->rough) - by;
     const double product = PRODUCT * t->set->slow_halves;
     const double limit = larger(larger(least, other), product * sqrt((s->rough * common) + (usual * usual)));
-    if ((s->turns <= TESTS_MEANS_FROM) || (t->learned < TESTS_SQUARES_FROM) || (by <= limit)) {
+    if ((s->turned < TESTS_MEANS_FROM) || (t->learned < TESTS_SQUARES_FROM) || (by <= limit)) {
         return 0U;
     }
     if (own <= (usual * (1.0 + (OWN * t->set->slow_halves)))) {
@@ -58,7 +59,8 @@ unsigned noise_isolate(int n, struct slow_tests *t)
     if (s->turns <= 2) { /* a difference of second order needs three frames */
         return 0U;
     }
-    const double usual = WHITE * larger(t->halves.noise, t->set->slow_noise * t->set->slow_noise);
+    s->turned++;
+    const double usual = WHITE * halves_known_noise(n, t);
     s->shared += (((turn * turn) - ((0.25 * apart) * apart)) - s->shared) * (1.0 / TESTS_SLOW);
     const double common = larger(s->shared - (MIDDLE * usual), 0.0);
     s->roughest = larger(s->roughest * (1.0 - (1.0 / KEPT)), common);

@@ -12,7 +12,6 @@
 #define FAST 16.0       /* frames of the fast mean, */
 #define SQUARE 128.0    /* and of that of squares */
 #define CUT 8.0         /* slow_noise, four standard deviations of the data sheet */
-#define LEAST 2.0       /* noise of the data sheet over slow_noise, the least that is reckoned with */
 #define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
 #define REMEMBERED 20.0 /* frames that the largest steps of the means with a long memory need to reach a limit */
 #define WHOLE 2.0       /* of the largest square that counts: what one of a whole residual may be */
@@ -154,7 +153,7 @@ static void renew_gains(struct slow_tests *t)
 }
 
 /* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling.  The first change of the
- * middle after another number of channels, a split or a stop is none of the aircraft. */
+ * middle after another number of channels, a middle off the majority or a stop is none of the aircraft. */
 static double allowance(double m, double moved, double sigma, int n, params *p, struct slow_tests *t)
 {
     const double change = difference(m, t->last_middle, p);
@@ -237,7 +236,7 @@ static unsigned isolate_one(int worst, int n, struct slow_tests *t)
     const double fast = fabs(t->fast[worst]) * t->of_fast;
     const double slow = fabs(t->slow[worst]) * t->of_slow;
     const bool by_means = larger(fast, slow) >= t->share[worst];
-    const double sheet = t->set->slow_noise * LEAST;
+    const double sheet = t->set->slow_noise * TESTS_LEAST;
     const bool noisy = t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit));
     if (((2 * calm) <= n) && !((n == RIG_CHANNELS) && (calm == 2) && (by_means || noisy))) {
         return 0U;
@@ -250,8 +249,9 @@ static unsigned isolate_one(int worst, int n, struct slow_tests *t)
 
 /* Move the biases towards the residuals, within their bound, and that of the reference; in frames of no suspicion.  Each is the
  * mean of the first frames, then it follows.  A residual counts up to `step`: a burst before the tests begin is not learned.
- * Biases are weighted means: what times of sampling add in motion is no bias, and such a frame counts less. */
-static void learn(double m, double moved, double step, const struct frame *f, struct slow_tests *t)
+ * Biases are weighted means: what times of sampling add in motion is no bias, and such a frame counts less.
+ * usable: the reference is */
+static void learn(double m, double moved, double step, bool usable, const struct frame *f, struct slow_tests *t)
 {
     const double most = (t->learned > 0) ? step : (double)INFINITY;
     const double noise = larger(t->noise, t->set->slow_noise * t->set->slow_noise);
@@ -269,29 +269,29 @@ static void learn(double m, double moved, double step, const struct frame *f, st
     if (t->learned <= (int64_t)TESTS_LEARNING) {
         renew_gains(t);
     }
-    if (isfinite(t->reference_off)) {
-        const double share = 1.0 / smaller((double)t->reference_learned + 1.0, TESTS_LEARNING);
-        const double bias = t->reference_bias + (share * t->reference_off);
-        t->reference_bias = clamp(bias, -f->reference_threshold, f->reference_threshold);
-        t->reference_vote += share * (t->vote_off - t->reference_vote);
-        t->reference_learned++;
+    if (usable) {
+        halves_learn_reference(f->reference_threshold, t);
     }
 }
 
 /* ---- A frame ---- */
 
+/* Whether one of the samples in the middle miscompares: two channels are off to the same side, by different amounts. */
+static bool off_majority(const struct frame *f)
+{
+    return f->alone[f->order[(f->n - 1) / 2]] || f->alone[f->order[f->n / 2]];
+}
+
 unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
 {
     struct slow_tests *const t = &s->slow_tests;
     t->by = RIG_DECIDED_BY_NONE;
-    if (!tests_run(t) || (f->n < 2) || !s->split.whole) {
+    if (!tests_run(t)) {
         return 0U;
     }
-    const double m = tests_middle(f, t);
-    if (!isfinite(m)) { /* differences near the largest number */
-        return 0U;
-    }
-    if (tests_is_cut(m, p, t)) {
+    const bool stops = (f->decided_by == RIG_DECIDED_BY_COMMON) || (f->n < 2) || !s->split.whole;
+    const double m = stops ? (double)NAN : tests_middle(f, t);
+    if (!isfinite(m) || tests_is_cut(m, p, t)) { /* not finite, too: differences near the largest number */
         t->second.turns = 0;
         return 0U;
     }
@@ -307,8 +307,8 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
         renew_limits(t->set, t);
     }
     const bool split = is_split(s->pattern);
-    if (split && (f->n > 2)) { /* a middle of no majority moves as no aircraft does */
-        t->second.turns = 0;
+    if ((f->n > 2) && (split || off_majority(f))) { /* such a middle moves as no aircraft does, into it and out of it */
+        t->second.turns = -1;
     }
     const double variance = larger(larger(t->noise, t->shaken), t->set->slow_noise * t->set->slow_noise);
     const double sigma = sqrt(variance);
@@ -329,7 +329,7 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
         bits = isolate_one(worst, f->n, t);
     }
     if ((bits == 0U) && (s->pattern == RIG_PATTERN_NORMAL) && (larger(t->share[worst], t->halves.share) < CALM)) {
-        learn(m, moved, (t->fast_step * sigma) + allowed, f, t);
+        learn(m, moved, (t->fast_step * sigma) + allowed, s->reference_usable, f, t);
     }
     return bits;
 }

@@ -1,6 +1,6 @@
 /* Splits: 2:2, 1:1, 1:1:1:1 and 1:1:1, each settled by the tie-break rules of its signal.
  *
- * Sections 6 to 8; redundancy.md 'Splits' and 'No rule answers'.  Who stands on which side is told by
+ * Sections 6 to 8; docs/explanation/decisions.md, 'Splits'.  Who stands on which side is told by
  * what is compared, `by` and the reference beside `y`; the vote is made of the samples.
  */
 #include "monitor.h"
@@ -242,7 +242,7 @@ static void share_out(const struct frame *f, struct signal *s)
     split->held_share = clamp((gap > 0.0) ? ((s->vote - low) / gap) : 0.5, 0.0, 1.0);
 }
 
-/* redundancy.md 'No rule answers': a fixed mean of the two channels between which the last vote was.  One that jumps away
+/* decisions.md 'The vote while no rule decides': a fixed mean of the channels between which the last vote was.  One that jumps away
  * has no share in it, and two that drift apart have half each, as have the two ranks where that vote was of one side. */
 static double hold(const struct frame *f, struct signal *s)
 {

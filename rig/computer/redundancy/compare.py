@@ -122,3 +122,9 @@ def split_of(n, gaps, apart):
 def is_split(pattern):
     """Return True if no majority exists."""
     return Pattern.P2_2 <= pattern <= Pattern.P1_1
+
+
+@kernel
+def off_majority(order, n, miscomparing):
+    """Return True if one of the samples in the middle miscompares: two channels are off, by different amounts."""
+    return miscomparing[order[(n - 1) // 2]] != 0 or miscomparing[order[n // 2]] != 0

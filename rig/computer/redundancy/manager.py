@@ -18,7 +18,7 @@ from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
-from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow
+from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow, stopped
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
@@ -117,7 +117,7 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
         st["agreed"][order[i]] = 0  # of a channel that this frame has failed
     st["accused"] = accused(decided_by, ranked, p, st)
     count_miscompares(n, ranked, vote_before_fade, p, st)
-    slow = slow_of(reference, n, p, st) if decided_by != DecidedBy.COMMON and slow_faults.lasts(p) else 0
+    slow = slow_of(decided_by, reference, n, p, st) if slow_faults.lasts(p) else 0
     decided_by = latch_all(decided_by, slow, p, st)
     publish(vote_before_fade, p, st)
     return decided_by
@@ -176,15 +176,17 @@ def latch_all(decided_by, slow, p, st):
 
 
 @kernel
-def slow_of(reference, n, p, st):
-    """Return the channels that the sums and the tests of small deviations fail, a bit each."""
+def slow_of(decided_by, reference, n, p, st):
+    """Return the channels that the sums and the tests of small deviations fail, a bit each; none in a common mode."""
     st["tests"]["by"] = DecidedBy.NONE.value
+    if decided_by == DecidedBy.COMMON:
+        return stopped(st["tests"])
     summed = slow_faults.NO_CHANNEL
     if p["slow_limit"] > 0.0 and n > 2:
         m = slow_faults.summed_from(n, reference, p, st)
         if not is_cut(m, p):
             summed = slow_faults.watch_sums(m, n, p, st)
-    tested = isolate_slow(reference, n, p, st) if st["whole"] else 0
+    tested = isolate_slow(reference, n, p, st)
     return tested if summed == slow_faults.NO_CHANNEL else tested | 1 << summed
 
 
@@ -201,7 +203,7 @@ def vote_quiet(reference, second, n, p, st):
     reference_monitor.monitor_reference(reference, n, p, st)
     decided_by = reference_monitor.watch_common(DecidedBy.NONE.value, n, voted, reference, second, p, st)
     st["accused"] = 0
-    slow = slow_of(reference, n, p, st) if decided_by == DecidedBy.NONE and slow_faults.lasts(p) else 0
+    slow = slow_of(decided_by, reference, n, p, st) if slow_faults.lasts(p) else 0
     if slow != 0 or decided_by != DecidedBy.NONE:
         decided_by = latch_all(decided_by, slow, p, st)
     publish(voted, p, st)

@@ -19,6 +19,7 @@ from rig.core.kernels import kernel
 
 SLOW: Final = 100.0  # frames of a slow mean
 LEARNING: Final = 1000.0  # frames of the mean that a bias is
+LEAST: Final = 2.0  # noise of the data sheet over ``slow_noise``, the least that is reckoned with
 BURST: Final = 14.0  # frames that the largest steps need to reach a limit
 MEANS_FROM: Final = 200  # frames that are learned before a mean tells anything,
 SQUARES_FROM: Final = 500  # and before one of squares does
@@ -79,6 +80,31 @@ def reference_error(p, t):
 
 
 @kernel
+def learn_reference(st, t):
+    """Move the bias of the reference towards what it is off, in a frame that is learned, while it is usable.
+
+    It counts up to the reference's threshold: one frame that is far off does not make a bias.
+    """
+    off, most = t["reference_off"], st["reference_threshold"]
+    if np.isfinite(off) and st["reference_usable"] != 0:
+        gain, off = 1.0 / min(t["reference_learned"] + 1.0, LEARNING), min(max(off, -most), most)
+        t["reference_bias"] = min(max(t["reference_bias"] + gain * off, -most), most)
+        t["reference_vote"] += gain * (t["vote_off"] - t["reference_vote"])
+        t["reference_learned"] += 1
+
+
+@kernel
+def known_noise(n, p, t):
+    """Return the variance of D of four healthy channels, at least that of ``slow_noise``, with ``n`` channels in use.
+
+    Where four were never in use nothing has shown it: it is the data sheet's then.
+    """
+    if n != CHANNELS and t["halves_noise"] == 0.0:
+        return (p["slow_noise"] * LEAST) ** 2
+    return max(t["halves_noise"], p["slow_noise"] ** 2)
+
+
+@kernel
 def suspect_halves(n, allowed, p, t):
     """Move the means of the ways to halve ``n`` channels; return the one that is suspected, or NONE.
 
@@ -86,7 +112,7 @@ def suspect_halves(n, allowed, p, t):
     """
     if n == 3:
         return no_half(t)
-    healthy = (1.0 if n == CHANNELS else 2.0) * max(t["halves_noise"], t["halves_shaken"], p["slow_noise"] ** 2)
+    healthy = (1.0 if n == CHANNELS else 2.0) * max(known_noise(n, p, t), t["halves_shaken"])
     sigma, allowed, ways = math.sqrt(healthy), (1.5 if n == CHANNELS else 2.0) * allowed, write_apart(n, t)
     mean_limit, square_limit = t["halves_limit"] * sigma, t["halves_square"]
     at_once = 1.0 / reached(SLOW, BURST)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.redundancy.slow_halves import MEANS_FROM, SLOW, SQUARES_FROM
+from rig.computer.redundancy.slow_halves import MEANS_FROM, SLOW, SQUARES_FROM, known_noise
 from rig.core.kernels import kernel
 
 KEPT: Final = 10000.0  # frames of the memory of the roughest motion
@@ -28,7 +28,8 @@ NOISE: Final = (
     ("last_change", "f8"),
     ("last_apart", "f8"),  # D of the last frame
     ("last_moved", "f8"),  # and its change
-    ("turns", "i8"),  # frames since another number of channels, a split of more than two or a stop
+    ("turns", "i8"),  # frames since the middle last moved as no aircraft does (slow_tests.py)
+    ("turned", "i8"),  # frames that the means have counted
     ("shared", "f8"),  # mean product of the second differences of both channels; of more: square of the middle's
     ("roughest", "f8"),  # largest one, less its noise
     ("rough", "f8"),  # mean square of the second differences of D, of limited steps
@@ -39,7 +40,7 @@ NOISE: Final = (
 @kernel
 def begin_noise(t):
     """Begin all means again."""
-    t["turns"] = 0
+    t["turns"] = t["turned"] = 0
     t["shared"] = t["rough"] = t["rougher"] = 0.0
 
 
@@ -56,7 +57,8 @@ def isolate_noisy(n, p, t):
     t["turns"] += 1
     if t["turns"] <= 2:  # a difference of second order needs three frames
         return 0
-    usual = TURN * max(t["halves_noise"], p["slow_noise"] ** 2)
+    t["turned"] += 1
+    usual = TURN * known_noise(n, p, t)
     t["shared"] += (turn * turn - 0.25 * apart * apart - t["shared"]) * (1.0 / SLOW)
     common = max(t["shared"] - MIDDLE * usual, 0.0)
     t["roughest"] = max(t["roughest"] * (1.0 - 1.0 / KEPT), common)
@@ -70,7 +72,7 @@ def isolate_noisy(n, p, t):
     by = abs(t["rougher"])
     own, other = 0.5 * t["rough"] + by, 0.5 * t["rough"] - by
     limit = max(least, other, product * math.sqrt(t["rough"] * common + usual * usual))
-    if t["turns"] <= MEANS_FROM or t["learned"] < SQUARES_FROM or by <= limit:
+    if t["turned"] < MEANS_FROM or t["learned"] < SQUARES_FROM or by <= limit:
         return 0
     if own <= usual * (1.0 + OWN * p["slow_halves"]):
         return 0

@@ -16,16 +16,18 @@ from typing import Final
 import numpy as np
 
 from rig.computer.redundancy import median_vote as vote
-from rig.computer.redundancy.compare import is_split
+from rig.computer.redundancy.compare import is_split, off_majority
 from rig.computer.redundancy.slow_halves import (
     BURST,
     HALVES,
     LEARNING,
+    LEAST,
     MEANS_FROM,
     SLOW,
     SQUARES_FROM,
     begin_halves,
     isolate_half,
+    learn_reference,
     no_half,
     reached,
     suspect_halves,
@@ -42,7 +44,6 @@ STILL: Final = 14  # frames that a sample has repeated of a channel that stands 
 CUT: Final = 8.0  # ``slow_noise``, four standard deviations of the data sheet
 REMEMBERED: Final = 20.0  # as BURST, of the means that remember the last burst after seconds
 WHOLE: Final = 2.0  # of the largest square that counts: what one of a whole residual may be
-LEAST: Final = 2.0  # noise of the data sheet over ``slow_noise``, the least that is reckoned with
 TESTS: Final = np.dtype(
     [
         ("by", "i8"),  # which test isolates in this frame, a DecidedBy
@@ -91,20 +92,17 @@ TESTS: Final = np.dtype(
 def isolate_slow(reference, n, p, st):
     """Move all means by a frame and learn; return the channels that a test isolates, a bit each, and write ``by``.
 
-    reference : NaN where there is none; n : ranked samples, of all channels in use; p, st : PARAMS and STATE
+    Only in frames in which all channels in use are compared.
+    reference : NaN where there is none; n : ranked samples; p, st : PARAMS and STATE
     """
     if p["slow_means"] <= 0.0:
         return 0
     t = st["tests"]
-    t["by"] = DecidedBy.NONE.value
-    if n < 2:
-        return 0
+    if n < 2 or not st["whole"]:
+        return stopped(t)
     m = middle_without_bias(n, st, t)
-    if not np.isfinite(m):  # differences near the largest number
-        return 0
-    if is_cut(m, p):
-        t["turns"] = 0
-        return 0
+    if not np.isfinite(m) or is_cut(m, p):  # not finite: differences near the largest number
+        return stopped(t)
     if t["learned"] == 0:
         t["usual_middle"] = t["last_middle"] = m
     follow_vote(m, n, p, st)
@@ -113,8 +111,8 @@ def isolate_slow(reference, n, p, st):
     if t["known"] >= t["limits_until"]:
         renew_limits(p, t)
     split = is_split(st["pattern"])
-    if split and n > 2:  # a middle of no majority moves as no aircraft does
-        t["turns"] = 0
+    if n > 2 and (split or off_majority(st["order"], n, st["miscomparing"])):  # no motion, into it and out of it
+        t["turns"] = -1
     variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
     sigma = math.sqrt(variance)
     moved = difference(m, t["usual_middle"], p["wraps"])
@@ -135,6 +133,13 @@ def isolate_slow(reference, n, p, st):
     if bits == 0 and st["pattern"] == Pattern.NORMAL and suspected < CALM:
         learn(m, moved, t["fast_step"] * sigma + allowed, n, p, st)
     return bits
+
+
+@kernel
+def stopped(t):
+    """Return 0, no channel: the next change of the middle is that of several frames."""
+    t["turns"], t["reference_off"] = 0, np.nan
+    return 0
 
 
 @kernel
@@ -233,7 +238,8 @@ def allowance(m, moved, sigma, n, p, t):
     """Return what a residual may be by motion alone: other scales since the bias was learned, other times of sampling.
 
     m : the middle; moved : since the biases were learned; sigma : noise
-    The first change of the middle after another number of channels, a split or a stop is none of the aircraft.
+    The first change of the middle after another number of channels, a middle off the majority or a stop is none of
+    the aircraft.
     """
     change = difference(m, t["last_middle"], p["wraps"])
     t["last_middle"], t["change"] = m, change
@@ -340,9 +346,4 @@ def learn(m, moved, step, n, p, st):
     t["learned"] += 1
     if t["learned"] <= LEARNING:
         renew_gains(t)
-    off, most = t["reference_off"], st["reference_threshold"]
-    if np.isfinite(off):
-        gain = 1.0 / min(t["reference_learned"] + 1.0, LEARNING)
-        t["reference_bias"] = min(max(t["reference_bias"] + gain * off, -most), most)
-        t["reference_vote"] += gain * (t["vote_off"] - t["reference_vote"])
-        t["reference_learned"] += 1
+    learn_reference(st, t)

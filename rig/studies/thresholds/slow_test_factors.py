@@ -174,11 +174,8 @@ def _watch(samples, reference, given, params, state, width, out):
     t = st["tests"]
     for k in range(len(samples)):
         manage_signal(samples[k], valid, ilm, reference[k], np.nan, p, st)
-        if st["last_n"] < 2:
-            continue
-        if st["last_n"] == st["level"]:
-            isolate_slow(reference[k], st["last_n"], q, st)
-        if t["learned"] < MEANS_FROM:
+        isolate_slow(reference[k], st["last_n"], q, st)
+        if st["last_n"] < 2 or t["learned"] < MEANS_FROM:
             continue
         variance = max(t["noise"], t["shaken"], q["slow_noise"] ** 2)
         noise[0] += np.sqrt(variance)
