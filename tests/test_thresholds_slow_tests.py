@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import exp, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from rig.core.frame import SIGNALS
 from rig.core.settings import read_toml
 from rig.log.recordings.recorded_signal import RecordedSignal
 from rig.scenario.scenario import load
+from rig.studies.thresholds.holdout import Count
 from rig.studies.thresholds.pieces import parameters
 from rig.studies.thresholds.slow_test_delays import (
     DRIFT,
@@ -30,7 +31,17 @@ from rig.studies.thresholds.slow_test_delays import (
     offset_frames,
     smallest,
 )
-from rig.studies.thresholds.slow_test_factors import BIN, BINS, Measured, bare_tests, keys_of, slow_design, watched
+from rig.studies.thresholds.slow_test_factors import (
+    BIN,
+    BINS,
+    FACTORS,
+    Measured,
+    bare_tests,
+    keys_of,
+    settled,
+    slow_design,
+    watched,
+)
 
 Command = Callable[..., tuple[int, str, str]]
 SIGMA, THRESHOLD, RATE = 0.01, 1.0, 100.0
@@ -79,6 +90,28 @@ def test_frames_in_which_the_tests_do_not_run_add_nothing_to_the_error_of_a_refe
         for at in range(2000, 6000, 400):
             samples[at : at + 200, 1] = np.nan
         assert 0.5 * whole < measured(samples, reference).errors[0] <= 1.2 * whole
+
+
+def test_designed_factors_have_their_reserve_in_the_data_that_they_follow_from():
+    """Three times the noise in one channel, which is healthy: what counts of its squares grows with the factor."""
+    flights = [noise(seed, 6000) * [1.0, 1.0, 1.0, 3.0] for seed in SEEDS]
+
+    def measure(factors: Mapping[str, float]) -> list[Measured]:
+        (params,) = parameters(RecordedSignal(threshold=THRESHOLD), 4, RATE)
+        return [watched((samples, None), params, bare_tests(GIVEN, factors)) for samples in flights]
+
+    at_one = keys_of(measure(dict.fromkeys(FACTORS, 1.0)), THRESHOLD)
+    found = settled(measure, THRESHOLD)
+    assert found is not None
+    keys = keys_of(found, THRESHOLD)
+    assert keys["squares_factor"] > 1.5 * at_one["squares_factor"]  # with those of the first run all are isolated
+    tests = SlowTests(**{**GIVEN.model_dump(exclude_none=True), **keys})
+    for samples in flights:
+        assert vote_samples(samples, threshold=THRESHOLD, slow_tests=tests).failed_at() == [None] * 4
+
+
+def test_shares_that_grow_with_every_factor_give_no_tests():
+    assert settled(lambda factors: [of((2.0 * factors["factor"], 1.0, 1.0))], THRESHOLD) is None
 
 
 def test_no_channel_is_isolated_while_shares_are_measured():
@@ -274,6 +307,36 @@ def test_a_bound_of_biases_above_the_designed_threshold_is_told(recorded: Any, r
     assert found["signals"]["gyro"]["slow_tests"] is None
     (note,) = [note for note in found["notes"] if note.startswith("gyro: no slow-fault tests")]
     assert "biases are learned up to 2 bias_tolerance, 16; this must be below the threshold of every" in note
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_tests_that_do_not_fit_the_thresholds_are_off_in_out_which_is_accepted(
+    recorded: Any, rig_command: Command, asked: bool
+):
+    """CONFIG has them on; with a narrower threshold ``rig vote`` refuses them."""
+    figures = {"noise_std": 1.0, "bias_tolerance": 8.0}
+    wanted = recorded(default={"threshold": 20.0, "slow_tests": figures})
+    code, out, _ = rig_command("thresholds", *(wanted if asked else wanted[:-1]), "--json")
+    assert code == 0 and any("no slow-fault tests: biases are learned" in note for note in json.loads(out)["notes"])
+    assert {table["slow_tests"] for table in read_toml(Path("o.toml"))["signal"].values()} == {False}
+    assert rig_command("vote", "data/path_0.parquet", "--config", "o.toml", "--out", "v.csv")[0] == 0
+
+
+@pytest.mark.parametrize("beside", [0, 9, 20])
+def test_tests_with_which_held_out_flights_exceed_the_budget_are_left_out_if_there_are_fewer_without(
+    recorded: Any, rig_command: Command, monkeypatch: pytest.MonkeyPatch, beside: int
+):
+    """beside : false isolations of the same design without them."""
+    counted = lambda blocks, given, grid, made: {4: Count(beside if given.slow_tests is None else 9, 0.1, 1.0)}  # noqa: E731
+    monkeypatch.setattr("rig.studies.thresholds.design_signals.holdout", counted)
+    wanted = recorded(default={"threshold": 60.0, "slow_tests": {"noise_std": 1.0, "bias_tolerance": 0.1}})
+    found = json.loads(rig_command("thresholds", *wanted, "--json")[1])
+    written = read_toml(Path("o.toml"))["signal"]["gyro"]["slow_tests"]
+    if beside < 9:
+        assert "gyro, accel: no slow-fault tests: with them held-out flights have 9 false isolations" in found["notes"]
+        assert found["signals"]["gyro"]["slow_tests"] is None and written is False
+    else:
+        assert written == {"noise_std": 1.0, "bias_tolerance": 0.1, **found["signals"]["gyro"]["slow_tests"]["keys"]}
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {

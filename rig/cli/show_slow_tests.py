@@ -23,8 +23,8 @@ def show_slow_tests(signals: dict[str, Any]) -> None:
     table(rows, _FACTORS)
     line()
     drift = rows[0]["delay_s"]["drift_per_s"]
-    line("one channel: smallest isolated offset, thresholds; delay to isolation, s, of offsets in thresholds,")
-    line(f"and of a drift by {drift:g} thresholds per second")
+    line("one channel at rest: smallest isolated offset, thresholds; delay to isolation, s, of offsets in thresholds,")
+    line(f"and of a drift by {drift:g} thresholds per second; motion hides small faults until it ends")
     table(rows, _delays(rows[0]))
 
 

@@ -87,7 +87,11 @@ def _toml(options: Options, raw: dict[str, Any] | None, data: Data, signals: Map
     chosen = {name: made for name, signal in signals.items() if (made := signal.design) is not None}
     settings = {name: signal.settings for name, signal in signals.items()}
     head = remarks(data, options.grid, signals)
-    tests = {name: signal.slow_tests.keys for name, signal in signals.items() if signal.slow_tests is not None}
+    tests = {
+        name: None if signal.slow_tests is None else signal.slow_tests.keys
+        for name, signal in signals.items()
+        if signal.slow_tests is not None or signal.without_tests
+    }
     if raw is None:
         return scenario_toml(chosen, settings, head, tests)
     return recorded_toml(raw, chosen, settings, data.rate_hz, data.referenced, head, tests)

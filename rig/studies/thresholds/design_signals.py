@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -28,6 +28,7 @@ from rig.studies.thresholds.slow_test_factors import (
     SlowDesign,
     bare_tests,
     keys_of,
+    settled,
     slow_design,
     watched,
 )
@@ -59,6 +60,7 @@ class Signal:
     held_out: dict[int, Count] | None = None
     notes: list[str] = field(default_factory=list)
     slow_tests: SlowDesign | None = None
+    without_tests: bool = False  # those of CONFIG do not fit the design
 
     @property
     def design(self) -> Design | None:
@@ -127,37 +129,71 @@ def of_signal(name: str, data: Data, grid: Grid, keep: bool, slow_tests: bool = 
 
     The tests are on in the trade-off and in the hold-out, and the sums add up their residuals.
     """
-    figures = data.slow_tests.get(name) if slow_tests else None
-    made = _designed(name, data, grid, keep, figures)
-    if not slow_tests or (chosen := made.design) is None:
+    figures = data.slow_tests.get(name)
+    made = _designed(name, data, grid, keep, figures if slow_tests else None)
+    if (chosen := made.design) is None:
         return made
-    if figures is None:
+    if figures is None and slow_tests:
         why = "no slow-fault tests: CONFIG states no slow_tests.noise_std, the noise of a sample"
         return replace(made, notes=[*made.notes, f"{name}: {why}"])
+    if figures is None:
+        return made
     settings = chosen.settings(made.settings)
-    if why := refusal(figures, settings.least_threshold, None):
-        without = _designed(name, data, grid, keep, None)
-        told = f"{name}: no slow-fault tests: {why.removeprefix('slow_tests: ')}"
-        return replace(without, notes=[*without.notes, told])
+    if why := _refused(figures, settings):
+        return _without_tests(name, _designed(name, data, grid, keep, None) if slow_tests else made, why)
+    if not slow_tests:
+        return made
     left_out = set() if keep else {suspect.flight for suspect in made.left_out}
     flights = [flight for f, flight in enumerate(data.signals[name]) if f not in left_out]
     measured, channels = _watched(flights, settings, figures, data.rate_hz), len(flights[0].samples)
+    if measured is None or exceeds(made.held_out):
+        without = _designed(name, data, grid, keep, None)
+        if measured is None:
+            return _without_tests(name, without, "no factors hold on the data that they follow from")
+        if _counted(without) < _counted(made):
+            return _without_tests(name, without, f"with them held-out flights have {_counted(made)} false isolations")
     tested = slow_design(measured, figures, (settings.threshold, channels), data.rate_hz)
     return replace(made, notes=[*made.notes, *(f"{name}: {note}" for note in tested.notes)], slow_tests=tested)
 
 
+def _refused(figures: SlowTests, settings: RecordedSignal) -> str:
+    """Return why the tests do not fit the thresholds, in the unit of CONFIG; "" if they do."""
+    scale = settings.scale
+    why = refusal(figures.scaled(1.0 / scale), settings.least_threshold / scale, None)
+    return why.removeprefix("slow_tests: ")
+
+
+def _without_tests(name: str, made: Signal, why: str) -> Signal:
+    """Return the design with a note that it has no slow-fault tests, and those of CONFIG off."""
+    return replace(made, notes=[*made.notes, f"{name}: no slow-fault tests: {why}"], without_tests=True)
+
+
+def _counted(made: Signal) -> int:
+    """Return the false isolations of held-out flights, at all levels."""
+    return sum(count.counted for count in (made.held_out or {}).values())
+
+
 def _watched(
     flights: Sequence[DataBlock], settings: RecordedSignal, figures: SlowTests, rate_hz: float
-) -> list[Measured]:
+) -> list[Measured] | None:
+    """Return what the tests show in the flights with factors that hold; None: none do."""
     (params,) = parameters(settings, len(flights[0].samples), rate_hz)
-    tests = bare_tests(figures)
-    return [watched((four(flight.samples.T), flight.reference), params, tests) for flight in flights]
+
+    def measure(factors: Mapping[str, float]) -> list[Measured]:
+        tests = bare_tests(figures, factors)
+        return [watched((four(flight.samples.T), flight.reference), params, tests) for flight in flights]
+
+    return settled(measure, settings.threshold)
 
 
-def _factors(flights: list[DataBlock], given: RecordedSignal, figures: SlowTests) -> SlowTests:
-    """Return the tests with their factors, which no threshold changes, and without a reference."""
-    keys = keys_of(_watched(flights, given, figures, flights[0].rate_hz), given.threshold)
-    return figures.model_copy(update={name: keys[name] for name in FACTORS})
+def _tested(flights: list[DataBlock], given: RecordedSignal, figures: SlowTests) -> RecordedSignal:
+    """Return the settings with tests whose factors, which no threshold changes, hold; without a reference."""
+    measured = _watched(flights, given, figures, flights[0].rate_hz)
+    if measured is None:
+        return given
+    keys = keys_of(measured, given.threshold)
+    tests = figures.model_copy(update={name: keys[name] for name in FACTORS})
+    return given.model_copy(update={"slow_tests": tests})
 
 
 def _designed(name: str, data: Data, grid: Grid, keep: bool, figures: SlowTests | None) -> Signal:
@@ -176,7 +212,7 @@ def _designed(name: str, data: Data, grid: Grid, keep: bool, figures: SlowTests 
         notes.append(_nothing_left(name, flights, suspected[0]))
         return Signal(given, 0, 0.0, suspected, motion, notes=notes)
     blocks = _blocks(name, used, notes)
-    tested = given if figures is None else given.model_copy(update={"slow_tests": _factors(used, given, figures)})
+    tested = given if figures is None else _tested(used, given, figures)
     made = designs(blocks, given, grid, zlib.crc32(name.encode()))
     if not made:
         notes.append(_nothing(name, used, hours, motion))

@@ -39,11 +39,11 @@ def recorded_toml(
     rate_hz: float,
     referenced: Iterable[str],
     remarks: Iterable[str],
-    slow_tests: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+    slow_tests: Mapping[str, Mapping[str, float] | None] = MappingProxyType({}),
 ) -> str:
     """Return OUT for ``rig vote``: ``raw`` with the designs ``chosen`` in the tables of their signals.
 
-    slow_tests : designed keys of that table; other keys of it stay, the figures of the sensor among them
+    slow_tests : designed keys of that table; other keys of it stay, the figures of the sensor among them; None: off
 
     Signals in ``referenced`` keep the threshold of their reference; its default is the threshold of the channels.
     """
@@ -64,8 +64,7 @@ def recorded_toml(
         if not kept and name in referenced and "reference_threshold" not in before and "threshold" in before:
             new["reference_threshold"] = before["threshold"]
         if name in slow_tests:
-            figures = {key: value for key, value in before.get("slow_tests", {}).items() if key not in DESIGNED}
-            new["slow_tests"] = {**figures, **slow_tests[name]}
+            new["slow_tests"] = _tests(before.get("slow_tests"), slow_tests[name])
         signals[name] = {**own, **new}
     tables["signal"] = signals
     return _text(tables, remarks)
@@ -75,7 +74,7 @@ def scenario_toml(
     chosen: Mapping[str, Design],
     settings: Mapping[str, RecordedSignal],
     remarks: Iterable[str],
-    slow_tests: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+    slow_tests: Mapping[str, Mapping[str, float] | None] = MappingProxyType({}),
 ) -> str:
     """Return OUT for a scenario: tables ``[redundancy.signals.<name>]``."""
     signals: dict[str, Any] = {}
@@ -85,8 +84,16 @@ def scenario_toml(
         if not design.kept:
             signals[name]["reference_threshold"] = given.reference_threshold or given.threshold
         if name in slow_tests:
-            signals[name]["slow_tests"] = dict(slow_tests[name])
+            signals[name]["slow_tests"] = _tests(None, slow_tests[name])
     return _text({"redundancy": {"signals": signals}}, remarks)
+
+
+def _tests(given: Any, designed: Mapping[str, float] | None) -> dict[str, Any] | bool:
+    """Return the table ``slow_tests`` of OUT: that ``given``, with the designed keys; False: off."""
+    if designed is None:
+        return False
+    figures = {key: value for key, value in (given or {}).items() if key not in DESIGNED}
+    return {**figures, **designed}
 
 
 def _new(design: Design, given: RecordedSignal) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Design the slow-fault tests of a signal from healthy flights: factors on their limits, and the reference's error.
 
-The tests run with factors of 1 over every flight, and isolate no channel.  A share is what a statistic reaches of its
-bare limit.
+The tests run over every flight, and isolate no channel: first with factors of 1, then with those that follow.  A share
+is what a statistic reaches of its bare limit.  What counts of a residual grows with the factor, so with a larger one
+the share of a channel that differs for good is larger, too: factors are raised until they hold.
 
 factors    RESERVE times the largest share of the means, of the mean of squares and of the halves, and at least LEAST
 reference  level: REFERENCE_RESERVE times the largest error at rest, a mean over 25 frames without the learned bias;
@@ -11,7 +12,7 @@ hold-out   every second flight designs, the shares of the others are counted tha
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
@@ -38,6 +39,9 @@ REFERENCE_RESERVE: Final = 1.2
 LEAST_ERROR: Final = 0.02  # thresholds: what a reference is trusted to at most
 MOST_ERROR: Final = 0.4  # thresholds: a reference in error by more decides nothing
 FACTORS: Final = tuple(LEAST)
+FIELDS: Final = ("slow_means", "slow_squares", "slow_halves")  # of PARAMS, in the same order
+HELD: Final = 1.05  # of a factor, which the next may be: then it holds
+ROUNDS: Final = 10
 DESIGNED: Final = (*FACTORS, "reference_error", "reference_frames")  # keys
 BINS: Final = 40  # of the rate of motion
 BIN: Final = 0.01  # thresholds a frame: width of a bin
@@ -93,13 +97,14 @@ class SlowDesign:
 
 
 def watched(flight: tuple[Floats, Floats | None], params: Any, tests: Mapping[str, Any]) -> Measured:
-    """Run the tests over a flight.
+    """Run the tests over a flight; shares are of the bare limits, whatever the factors.
 
     flight : samples (n, CHANNELS), NaN if one is not comparable, and the reference (n,)
-    params : PARAMS record of the signal; tests : its fields of the tests, with factors of 1
+    params : PARAMS record of the signal; tests : its fields of the tests
     """
     heed()
     samples, reference = flight
+    factors = np.array([tests[name] for name in FIELDS])
     bare = wide(params)
     tested = bare.copy()
     for name, value in tests.items():
@@ -109,7 +114,26 @@ def watched(flight: tuple[Floats, Floats | None], params: Any, tests: Mapping[st
     width, given = BIN * float(params["threshold"]), (VALID, ILM)
     state, out = new_state(bare), (shares, errors, noise)
     _watch(np.ascontiguousarray(samples), reference, given, (bare, tested), state, width, out)
-    return Measured(shares, errors, float(noise[0] / max(noise[1], 1.0)))
+    return Measured(shares * factors, errors, float(noise[0] / max(noise[1], 1.0)))
+
+
+def settled(
+    measure: Callable[[Mapping[str, float]], list[Measured]], threshold: float, reserve: float = RESERVE
+) -> list[Measured] | None:
+    """Return what was measured in all flights when the factors that follow from it held; None: none do.
+
+    measure : flights with given factors
+    """
+    flights = measure(dict.fromkeys(FACTORS, 1.0))
+    for _ in range(ROUNDS):
+        keys = keys_of(flights, threshold, reserve)
+        factors = {name: keys[name] for name in FACTORS}
+        again = measure(factors)
+        needed = keys_of(again, threshold, reserve)
+        if all(needed[name] <= HELD * factors[name] for name in FACTORS):
+            return flights
+        flights = again
+    return None
 
 
 def slow_design(
@@ -192,7 +216,6 @@ def _watch(samples, reference, given, params, state, width, out):
             errors[b] = max(errors[b], abs(off))
 
 
-def bare_tests(given: SlowTests) -> Mapping[str, Any]:
-    """Return the fields of PARAMS of the tests with factors of 1, from figures that ``given`` has."""
-    bare: dict[str, float] = dict.fromkeys(FACTORS, 1.0)
-    return tests_params(given.model_copy(update=bare), None)
+def bare_tests(given: SlowTests, factors: Mapping[str, float] | None = None) -> Mapping[str, Any]:
+    """Return the fields of PARAMS of the tests with ``factors``, or factors of 1, from figures that ``given`` has."""
+    return tests_params(given.model_copy(update=dict(factors or dict.fromkeys(FACTORS, 1.0))), None)
