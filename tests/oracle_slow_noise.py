@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import sqrt
+from typing import ClassVar
 
 from oracle_answers import Settings
 
@@ -13,9 +14,10 @@ class SecondDifferences:
     """The last three of the middle and of D, and the three means over 100 frames."""
 
     s: Settings
+    since: ClassVar[int] = 3  # frames since the middle moved as no aircraft does
     middles: list[float] = field(default_factory=list)  # changes of the middle, the newest last
     apart: list[float] = field(default_factory=list)  # D
-    straight: int = 0  # changes of the middle in a row that are the aircraft's
+    straight: int = 0  # frames in a row whose change of the middle counts
     counted: int = 0  # second differences in the means
     both: float = 0.0
     of_d: float = 0.0
@@ -32,7 +34,7 @@ class SecondDifferences:
         self.middles = [*self.middles, change][-2:]
         a, b = (min(y), max(y)) if len(y) == 2 else (0, 0)
         self.apart = [*self.apart, y[a] - y[b] if len(y) == 2 else 0.0][-3:]
-        if self.straight < 2:
+        if self.straight < self.since:
             return set()
         self.counted += 1
         turn = self.middles[1] - self.middles[0]

@@ -57,7 +57,7 @@ class SlowTests:
         self.bias = dict.fromkeys(range(4), 0.0)
         self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
         self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
-        self.vote, self.reference_vote, self.after_odd = Mean(), 0.0, False
+        self.vote, self.reference_vote = Mean(), 0.0
         self.second = SecondDifferences(self.s)
 
     def begin(self, n: int) -> None:
@@ -124,7 +124,6 @@ class SlowTests:
         """No test runs in this frame, and the next change of the middle is that of several frames."""
         self.rules.add(f"test: {why}")
         self.second.straight = -1
-        self.after_odd = False
         return set()
 
     def at_end(self, view: View) -> bool:
@@ -149,8 +148,7 @@ class SlowTests:
     def allowance(self, m: float, sigma: float, odd: bool, n: int) -> float:
         """What motion alone may do to a residual; odd : the middle is not that of a majority."""
         self.moved, self.last = self.s.change(m, self.last), m
-        self.second.straight = -1 if odd or self.after_odd else self.second.straight
-        self.second.straight, self.after_odd = self.second.straight + 1, odd
+        self.second.straight = 0 if odd else self.second.straight + 1
         if self.second.straight:
             self.v = max(abs(self.change.move(self.moved, 16)), 0.99 * self.v)
         if self.second.straight and n > 2:

@@ -73,7 +73,7 @@ OF_MOTION = [
         "(split || off_majority(f))",
         "(split || (off_majority(f) && (f->n < 0)))",
     ),
-    Defect("the way out of a split moves as the aircraft", "t->second.turns = -1;", "t->second.turns = 0;"),
+    Defect("the way out of a split is a second difference", "if (s->turns <= 3) {", "if (s->turns <= 2) {"),
     Defect("the change over a gap moves as that of a frame", "(f->n < 2) || !s->split.whole;", "(f->n < 2);"),
     Defect(
         "half of the noise where four were never in use",

@@ -12,6 +12,7 @@ from oracle_answers import Settings, View
 from oracle_boxes import ResettableOracle
 from oracle_references import References
 from oracle_slow_faults import SlowFaults
+from oracle_slow_noise import SecondDifferences
 from oracle_slow_tests import SlowTests
 from oracle_split import Split
 from oracle_trend import Trend
@@ -431,14 +432,18 @@ class MovedOffMajority(Other):
     tests = _MovedOffMajority
 
 
+class _SecondOutOfSplits(SecondDifferences):
+    since = 2
+
+
 class _MovedOut(SlowTests):
-    def allowance(self, m: float, sigma: float, odd: bool, n: int) -> float:
-        self.after_odd = False
-        return super().allowance(m, sigma, odd, n)
+    def forget(self) -> None:
+        super().forget()
+        self.second = _SecondOutOfSplits(self.s)
 
 
 class MovedOutOfSplits(Other):
-    """The change of the median after a split is that of the aircraft."""
+    """The change of the median after a split is in a second difference."""
 
     tests = _MovedOut
 

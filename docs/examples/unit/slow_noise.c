@@ -56,7 +56,7 @@ unsigned noise_isolate(int n, struct slow_tests *t)
     s->last_apart = t->halves.apart;
     s->last_moved = moved;
     s->turns++;
-    if (s->turns <= 2) { /* a difference of second order needs three frames */
+    if (s->turns <= 3) { /* a second difference needs three frames, and the way out of a split is none */
         return 0U;
     }
     s->turned++;

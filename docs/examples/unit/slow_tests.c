@@ -307,8 +307,8 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
         renew_limits(t->set, t);
     }
     const bool split = is_split(s->pattern);
-    if ((f->n > 2) && (split || off_majority(f))) { /* such a middle moves as no aircraft does, into it and out of it */
-        t->second.turns = -1;
+    if ((f->n > 2) && (split || off_majority(f))) { /* such a middle moves as no aircraft does */
+        t->second.turns = 0;
     }
     const double variance = larger(larger(t->noise, t->shaken), t->set->slow_noise * t->set->slow_noise);
     const double sigma = sqrt(variance);

@@ -55,7 +55,7 @@ def isolate_noisy(n, p, t):
     apart = moved - t["last_moved"]
     t["last_change"], t["last_apart"], t["last_moved"] = t["change"], t["apart"][0], moved
     t["turns"] += 1
-    if t["turns"] <= 2:  # a difference of second order needs three frames
+    if t["turns"] <= 3:  # a second difference needs three frames, and the way out of a split is none
         return 0
     t["turned"] += 1
     usual = TURN * known_noise(n, p, t)

@@ -111,8 +111,8 @@ def isolate_slow(reference, n, p, st):
     if t["known"] >= t["limits_until"]:
         renew_limits(p, t)
     split = is_split(st["pattern"])
-    if n > 2 and (split or off_majority(st["order"], n, st["miscomparing"])):  # no motion, into it and out of it
-        t["turns"] = -1
+    if n > 2 and (split or off_majority(st["order"], n, st["miscomparing"])):  # it moves as no aircraft does
+        t["turns"] = 0
     variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
     sigma = math.sqrt(variance)
     moved = difference(m, t["usual_middle"], p["wraps"])
