@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
+EARLY_S: Final = 0.5  # a fault is dated by means, which a decision on rows may precede
 Verdict = Literal["none", "channel", "one_of", "unknown"]
 Kind = Literal["departs", "frozen", "end of range", "no samples"]
 Matrix = tuple[tuple[float, ...], ...]
@@ -58,18 +59,19 @@ class Isolation:
 
     channel: int
     at_s: float
+    why: str  # the rule, as rig vote names it
 
 
 @dataclass(frozen=True, slots=True)
 class InFlight:
-    """Decisions of the manager on the rows as joined, with the threshold of the preset or the configuration."""
+    """Decisions of the manager on the rows as joined, with the settings of the preset or the configuration."""
 
     manager: str  # name of the manager
     threshold: float  # unit of the signal
     threshold_of: str  # a preset, or the configuration
     persistence_s: float  # of a miscompare until isolation
-    isolated: bool  # the channel of the verdict was isolated since the fault
-    at_s: float | None  # s since the first row
+    isolated: bool  # the channel of the verdict was isolated, since the fault or before its date
+    at_s: float | None  # of that isolation, s since the first row
     vote_error: float | None  # largest distance of the vote from the other channels since the fault
     isolations: tuple[Isolation, ...] = ()  # all of them
 

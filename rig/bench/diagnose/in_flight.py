@@ -1,45 +1,51 @@
-"""The decisions of the manager in flight: a vote of the rows as joined, with the settings of each signal.
+"""The decisions of the manager in flight: those of ``rig vote`` on the rows as joined, with all its settings.
 
 Units, axes and mountings are converted first, as an autopilot does by its settings; delays and offsets are not.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from rig.bench.diagnose.findings import Fault, InFlight, Isolation
+from rig.bench.diagnose.findings import EARLY_S, Fault, InFlight, Isolation
+from rig.bench.diagnose.flight_votes import FlightVotes
 from rig.bench.diagnose.sensor_groups import Group
-from rig.bench.vote_rows import vote
-from rig.computer.redundancy.managers import DEFAULT
+from rig.bench.vote_rows import Voted
 from rig.core.settings import in_frames
-from rig.log.recordings.recording import Recording, Samples
+from rig.core.units.angles import into_range, near
 from rig.log.recordings.stamps import Floats
-
-_EARLY_S: Final = 0.5  # a fault is dated by means, which a decision on rows may precede
 
 
 def fly(
-    group: Group, x: Floats, threshold_of: str, faults: dict[str, Fault]
+    group: Group,
+    votes: FlightVotes,
+    x: Floats,
+    converted: Collection[int],
+    threshold_of: str,
+    faults: Mapping[str, Fault],
+    zero_s: float,
 ) -> tuple[dict[str, InFlight], list[Floats]]:
-    """Return the decisions on every signal, and the voted values (n,) of each.
+    """Return the decisions on every signal, and the voted values (n,) of each, angles unrolled as ``x``.
 
-    x : (axes, C, n), SI, converted, NaN without a sample
+    x : (axes, C, n), SI, converted, angles unrolled, NaN without a sample
+    converted : channels, from 0, whose unit or axes were converted; the others are voted as recorded
+    zero_s : time from which seconds are counted
     """
-    settings = {name: own.model_copy(update={"manager": DEFAULT}) for name, own in group.settings.items()}
-    samples = {name: Samples(list(np.ascontiguousarray(axis))) for name, axis in zip(settings, x, strict=True)}
-    voted = vote(Recording(group.time_s, samples), settings, [])
+    voted = votes.voted(_columns(group, x, converted))
     made: dict[str, InFlight] = {}
-    first_s = float(group.time_s[0])
-    for a, (name, own) in enumerate(settings.items()):
-        isolations = tuple(Isolation(f.channel, f.time_s - first_s) for f in voted[name].failures)
+    shown: list[Floats] = []
+    for a, name in enumerate(group.settings):
+        one, own = voted[name], voted[name].settings
+        shown.append(near(one.voted, _middle(x[a])) if own.wraps else one.voted)
+        isolations = tuple(_isolations(one, zero_s))
         fault = faults.get(name)
-        hit = None if fault is None else _isolation(fault, isolations, first_s)
-        error = None if fault is None else _vote_error(group, x[a], voted[name].voted, fault)
+        hit = None if fault is None else _isolation(fault, isolations, zero_s)
+        error = None if fault is None else _vote_error(group, x[a], shown[a], fault)
         frames = in_frames(own.persistence, own.persistence_s, group.rate_hz)
         made[name] = InFlight(
-            DEFAULT,
+            own.manager,
             float(own.shown(own.threshold)),
             threshold_of,
             frames / group.rate_hz,
@@ -48,14 +54,37 @@ def fly(
             None if error is None else float(own.shown(error)),
             isolations,
         )
-    return made, [voted[name].voted for name in settings]
+    return made, shown
 
 
-def _isolation(fault: Fault, isolations: tuple[Isolation, ...], first_s: float) -> Isolation | None:
-    """Return the isolation of the faulty channel since the fault."""
-    since = fault.time_s - first_s - _EARLY_S
-    of = (i for i in isolations if i.at_s >= since and (not fault.channel or i.channel == fault.channel))
-    return next(of, None)
+def _columns(group: Group, x: Floats, converted: Collection[int]) -> dict[tuple[str, int], Floats]:
+    """Return the samples (n,) of the converted channels by signal and channel; angles within their turn."""
+    columns: dict[tuple[str, int], Floats] = {}
+    for a, (name, own) in enumerate(group.settings.items()):
+        for c in converted:
+            inside = into_range(x[a, c], *own.limits, True) if own.wraps else x[a, c]
+            columns[name, c] = np.ascontiguousarray(inside)
+    return columns
+
+
+def _middle(x: Floats) -> Floats:
+    """Return (n,) the first channel of x (C, n) that has a number in the row; NaN where none has."""
+    first = np.argmax(np.isfinite(x), axis=0)
+    return np.take_along_axis(x, first[None], axis=0)[0]
+
+
+def _isolations(one: Voted, zero_s: float) -> list[Isolation]:
+    return [Isolation(failure.channel, failure.time_s - zero_s, failure.why) for failure in one.failures]
+
+
+def _isolation(fault: Fault, isolations: tuple[Isolation, ...], zero_s: float) -> Isolation | None:
+    """Return the first isolation of the faulty channel since the fault; without one the last before it.
+
+    A fault is dated by where means part by enough, which the manager may precede by much, as in a slow drift.
+    """
+    since = fault.time_s - zero_s - EARLY_S
+    of = [i for i in isolations if not fault.channel or i.channel == fault.channel]
+    return next((i for i in of if i.at_s >= since), of[-1] if of else None)
 
 
 def _vote_error(group: Group, x: Floats, voted: Floats, fault: Fault) -> float | None:

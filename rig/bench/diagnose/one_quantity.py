@@ -79,12 +79,13 @@ def diagnose_group(
     x, part, lost = _without_gaps(group, kept, channels, found)
     rows = max(1, round(MEANS_S * group.rate_hz))
     compared, levels, apart = dict[str, Compared](), None, None
-    corrected = group.x
+    corrected, of_rows = group.x, list[Convention]()
     if len(channels) > 1 and x.shape[-1] >= LEAST_ROWS:
         before = len(found.conventions)
         take_off_units(part, x, rows, found)
         left_deg = take_off_axes(part, x, found) if len(x) == 3 else 0.0
-        corrected = _converted(group, found.conventions[before:])
+        of_rows = [one for one in found.conventions[before:] if one.matrix is not None]
+        corrected = _converted(group, of_rows)
         timed = take_off_delays(part, x, found)
         left_out = leave_out_range_ends(part, x, rows, found) | lost
         levels = take_off_offsets(part, x, rows, left_deg, timed, found)
@@ -93,7 +94,10 @@ def diagnose_group(
     elif len(channels) < 2:
         found.remarks.append("one channel is left: nothing to compare")
     firsts = _first_faults(found.faults)
-    flights, voted = fly(group, corrected, threshold_of, firsts) if flown else ({}, None)
+    flights, voted = dict[str, InFlight](), None
+    if flown and group.votes is not None:
+        turned = {one.instance.channel - 1 for one in of_rows}
+        flights, voted = fly(group, group.votes, corrected, turned, threshold_of, firsts, zero_s)
     _tell_rate(group, found, threshold_of)
     signals = {
         name: _verdict(group, a, firsts.get(name), compared.get(name), levels, flights.get(name), zero_s)

@@ -10,11 +10,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rig.bench.diagnose.findings import Instance
-from rig.bench.vote_run import Options, read_asked
+from rig.bench.diagnose.flight_votes import FlightVotes, of_asked, of_quantity
+from rig.bench.vote_run import Asked, Options, read_asked
 from rig.core.errors import BadInput
 from rig.core.frame import CHANNELS
 from rig.core.text import choices, quoted
-from rig.core.units.angles import near
+from rig.core.units.angles import near, unwrapped
 from rig.log.foreign import Source
 from rig.log.recordings.formats.contents import LogContents, OpenLog
 from rig.log.recordings.formats.known import open_log
@@ -22,6 +23,7 @@ from rig.log.recordings.formats.presets import PRESETS
 from rig.log.recordings.formats.presets import config as preset_config
 from rig.log.recordings.join import joined, whole
 from rig.log.recordings.recording import Recording
+from rig.log.recordings.recording import Samples as Channels
 from rig.log.recordings.stamps import Clock, Floats, clock, rows_a_second
 from rig.log.recordings.vote_config import RecordedSignal, VoteConfig, config_of, read_config
 
@@ -50,6 +52,7 @@ class Group:
     x: Floats
     own: list[list[Samples]]
     remarks: list[str] = field(default_factory=list)
+    votes: FlightVotes | None = None  # None: nothing is voted, as of copies
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -116,7 +119,7 @@ def read_groups(path: Path, config: Path | dict | None, preset: str | None) -> R
             return _of_log(path, log, settings, str(config if isinstance(config, Path) else "config"), "configuration")
     asked = read_asked(path, config, Options(None, None, repair=True, preset=preset))
     of = "configuration" if asked.flown is None else "scenario of the flight"
-    return _of_recording(asked.recording, asked.signals, asked.config.triads, of)
+    return _of_recording(asked, of)
 
 
 def _is_of(contents: LogContents, settings: VoteConfig) -> bool:
@@ -133,7 +136,7 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, source: str, of: str) 
     made, refused = list[Group](), dict[str, str]()
     for name, signals in grouped(settings, config.triads).items():
         try:
-            made.append(_joined_group(name, {s: settings[s] for s in signals}, places, sources))
+            made.append(_joined_group(name, {s: settings[s] for s in signals}, places, sources, config))
         except BadInput as error:
             refused[name] = str(error)
     if not made:
@@ -199,7 +202,11 @@ def grouped(settings: Mapping[str, RecordedSignal], triads: Mapping[str, Sequenc
 
 
 def _joined_group(
-    name: str, settings: dict[str, RecordedSignal], places: Mapping[str, list[tuple[str, str]]], sources: _Sources
+    name: str,
+    settings: dict[str, RecordedSignal],
+    places: Mapping[str, list[tuple[str, str]]],
+    sources: _Sources,
+    config: VoteConfig,
 ) -> Group:
     wanted: dict[str, set[str]] = {}
     for signal in settings:
@@ -215,25 +222,24 @@ def _joined_group(
         [Samples(clocks[t].time_s, clocks[t].of(read[t].fields[f]) * own.scale) for t, f in places[signal]]
         for signal, own in settings.items()
     ]
-    return _in_range(Group(name, settings, instances, rows.time_s, x, own_samples))
+    samples = {signal: Channels(list(axis.copy())) for signal, axis in zip(settings, x, strict=True)}
+    votes = of_quantity(Recording(rows.time_s, samples), settings, config)
+    return _in_range(Group(name, settings, instances, rows.time_s, x, own_samples, votes=votes))
 
 
-def _of_recording(
-    recording: Recording,
-    settings: Mapping[str, RecordedSignal],
-    triads: Mapping[str, Sequence[str]],
-    of: str,
-) -> Read:
+def _of_recording(asked: Asked, of: str) -> Read:
     """Return the groups of a recording whose channels have common rows.  BadInput: no signal."""
+    recording, settings, votes = asked.recording, asked.signals, of_asked(asked)
     made: list[Group] = []
-    for name, signals in grouped(settings, triads).items():
+    for name, signals in grouped(settings, asked.config.triads).items():
         counts = {len(recording.signals[signal].channels) for signal in signals}
         parts = {name: signals} if len(counts) == 1 else {signal: (signal,) for signal in signals}
         for part, axes in parts.items():
             x = np.array([recording.signals[signal].channels for signal in axes])
             own = [[Samples(recording.time_s, column) for column in axis] for axis in x]
             instances = tuple(Instance(c + 1, f"{part}.{c + 1}") for c in range(x.shape[1]))
-            group = Group(part, {s: settings[s] for s in axes}, instances, recording.time_s, x, own)
+            own_settings = {s: settings[s] for s in axes}
+            group = Group(part, own_settings, instances, recording.time_s, x, own, votes=votes)
             made.append(_in_range(group))
     if not made:
         raise BadInput("config: no signal with two channels or more: nothing to compare")
@@ -255,4 +261,5 @@ def _in_range(group: Group) -> Group:
             base[good] = np.unwrap(base[good])
             base[~good] = np.interp(group.time_s[~good], group.time_s[good], base[good]) if good.any() else 0.0
             group.x[a] = near(group.x[a], base)
+            group.own[a] = [Samples(time_s, unwrapped(values)) for time_s, values in group.own[a]]
     return group
