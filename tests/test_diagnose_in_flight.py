@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from foreign_logs import gyros
 from numpy.typing import NDArray
 
 import rig as api
@@ -96,3 +97,100 @@ def test_max_change_and_resets_hold_in_flight():
     again = {**CONFIG, "resets": [{"at_s": 30.0, "signal": "q", "channels": [2]}]}
     assert [channel for channel, _, _ in told(again)] == [2, 2]
     told({"default": {"threshold": 0.02, "max_change": 0.02}})
+
+
+def test_a_wrong_channel_has_its_number_in_the_recording():
+    x = rates(5)
+    x[SINCE, 4] += 0.05
+    written(x)
+    config = {"signal": {"q": {"threshold": 0.02, "channels": [1, 2, 3, 5]}}}
+    found = api.diagnose("a.csv", config)
+    assert "q.5 (q) is wrong" in repr(found)
+    one = found.signals["q"]
+    assert (one.channel, one.instance) == (4, "q.5")
+    assert [each.instance for each in flight_of(found, "q").isolations] == ["q.5"]
+    assert "Channel 4 (recorded as q.5) is wrong" in text_of(found)
+    assert [each["recorded"] for each in found.summary["quantities"]["q"]["instances"]] == [1, 2, 3, 5]
+
+
+def text_of(found: Diagnosis) -> str:
+    """The paragraph of the only quantity."""
+    (text,) = (one["text"] for one in found.summary["quantities"].values())
+    return str(text)
+
+
+def test_a_split_is_given_up_in_flight_as_by_rig_vote():
+    x = rates(2)
+    x[:, 0] = 0.0
+    written(x)
+    given_up = told(CONFIG)
+    assert [(channel, why) for channel, _, why in given_up] == [(1, "given_up"), (2, "given_up")]
+    text = text_of(api.diagnose("a.csv", CONFIG))
+    at_s = f"at {given_up[0][1]:.2f} s by given_up"
+    assert f"isolates it {at_s}" in text and f"it also isolates channel 2 (q.2) {at_s}" in text
+    assert told({**CONFIG, "unresolved_s": 0}) == []
+
+
+def test_an_isolation_before_the_dated_beginning_is_told():
+    x = rates()
+    slow = {"noise_std": 0.002, "bias_tolerance": 0.003, "scale_tolerance": 0.002}
+    config = {"default": {"threshold": 0.02, "slow_tests": slow}}
+    x[SINCE, 1] += 0.002 * (TIME_S[SINCE] - 20.0)
+    written(x)
+    ((channel, at_s, why),) = told(config)
+    found = api.diagnose("a.csv", config)
+    one = found.signals["q"]
+    assert (one.verdict, one.channel, channel) == ("channel", 2, 2)
+    assert one.since_s is not None and one.since_s > at_s + 0.5
+    assert one.in_flight is not None and one.in_flight.isolated and one.in_flight.at_s == pytest.approx(at_s)
+    assert f"isolates it at {at_s:.2f} s by {why}, {one.since_s - at_s:.2f} s before the beginning" in text_of(found)
+
+
+def noisy() -> Array:
+    x = rates()
+    x[SINCE, 3] += 0.2 * np.random.default_rng(5).standard_normal(SINCE.sum())
+    return x
+
+
+def oscillating() -> Array:
+    x = rates()
+    x[SINCE, 3] += 0.2 * np.sin(2 * np.pi * 5.0 * TIME_S[SINCE])
+    return x
+
+
+def test_an_isolation_without_a_departure_is_in_title_and_paragraph():
+    written(noisy())
+    (first, *_) = told(CONFIG)
+    found = api.diagnose("a.csv", CONFIG)
+    assert found.signals["q"].verdict == "none"
+    title = found.summary["title"]
+    assert title == f"no channel departs from the others, but the manager isolates q.4 (q) at {first[1]:.2f} s"
+    assert f"isolates on q: channel 4 (q.4) at {first[1]:.2f} s by comparison." in text_of(found)
+
+
+def test_a_suspect_channel_without_a_departure_is_in_title_and_paragraph():
+    written(oscillating())
+    assert told(CONFIG) == []
+    found = api.diagnose("a.csv", CONFIG)
+    (one,) = flight_of(found, "q").suspects
+    channel = api.vote("a.csv", CONFIG).summary["signals"]["q"]["channels"][3]
+    assert (one.channel, one.rows) == (4, channel["suspect_rows"])
+    assert 20.0 <= one.at_s < 20.5
+    assert "but the manager suspects q.4 (q), first at 20." in found.summary["title"]
+    assert "does not isolate channel 4 (q.4) on q, but suspects it in " in text_of(found)
+    assert found.summary["signals"]["q"]["in_flight"]["suspects"][0]["instance"] == "q.4"
+
+
+def test_a_healthy_recording_has_a_plain_title():
+    written(rates())
+    found = api.diagnose("a.csv", CONFIG)
+    assert found.summary["title"] == "no channel departs from the others"
+    assert "In flight" not in text_of(found)
+
+
+def test_channels_of_a_log_that_vote_have_their_numbers():
+    Path("a.ulg").write_bytes(gyros(3, rows=400))
+    mapping = {f"g.{c + 1}": f"sensor_gyro/{c}:x" for c in range(3)}
+    found = api.diagnose("a.ulg", {"mapping": mapping, "signal": {"g": {"threshold": 0.05, "channels": [1, 3]}}})
+    instances = found.summary["quantities"]["g"]["instances"]
+    assert [(one["recorded"], one["instance"]) for one in instances] == [(1, "sensor_gyro/0"), (3, "sensor_gyro/2")]

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rig.bench.diagnose.findings import Fault, Findings
+from rig.bench.diagnose.findings import Fault, Findings, Instance
 from rig.bench.diagnose.sensor_groups import Group
 from rig.bench.diagnose.smoothing import Flags, held, runs, smoothed
 from rig.bench.diagnose.usual_levels import Levels
@@ -114,24 +114,23 @@ def _of_several(axis: _Axis, apart: Floats, found: Findings) -> Fault | None:
     for failure in voted.failures:
         k = min(int(np.searchsorted(axis.group.time_s, failure.time_s)), apart.shape[1] - 1)
         c = failure.channel - 1
-        channel = axis.group.instances[c].channel
+        instance = axis.group.instances[c]
         off = axis.means[c] - np.median(np.delete(axis.means, c, axis=0), axis=0)
         if _vibrates(axis, k, float(off[k]), found) or _swings(axis, k, off, found):
             continue
         time = _onset(off, axis, k)
         text = f"departs from the others by {axis.group.shown(float(off[k]))}"
-        unsure = _why_unsure(axis, time, channel, found)
-        return Fault(axis.signal, "departs", 0 if unsure else channel, time, float(off[k]), unsure or text)
+        unsure = _why_unsure(axis, time, instance, found)
+        return Fault(axis.signal, "departs", 0 if unsure else instance.channel, time, float(off[k]), unsure or text)
     return _split(axis, voted.pattern, time_s, persistence, apart, found)
 
 
-def _why_unsure(axis: _Axis, time_s: float, channel: int, found: Findings) -> str:
+def _why_unsure(axis: _Axis, time_s: float, instance: Instance, found: Findings) -> str:
     """Return why the channel that departs cannot be named; "" if it can."""
     if time_s <= float(axis.group.time_s[0]):
-        return f"channel {channel} differs from the first row on, and not later"
-    instance = next(one for one in axis.group.instances if one.channel == channel)
+        return f"{instance.who} differs from the first row on, and not later"
     turned = any(c.kind == "mounting" and c.corrected and c.angle and c.instance == instance for c in found.conventions)
-    return f"channel {channel} departs after its mounting was estimated" if turned else ""
+    return f"{instance.who} departs after its mounting was estimated" if turned else ""
 
 
 def _split(axis: _Axis, pattern: Bytes, time_s: Floats, lasts: int, apart: Floats, found: Findings) -> Fault | None:

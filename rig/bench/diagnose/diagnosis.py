@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from rig.bench.diagnose.findings import Convention, InFlight, SignalDiagnosis
+from rig.bench.diagnose.findings import Convention, InFlight, Instance, SignalDiagnosis
 from rig.bench.diagnose.one_quantity import QuantityDiagnosis
 from rig.bench.diagnose.paragraphs import paragraph, title
 
@@ -72,6 +72,7 @@ def _flight(one: InFlight) -> dict[str, Any]:
         "at_s": one.at_s,
         "vote_error": one.vote_error,
         "isolations": [asdict(isolation) for isolation in one.isolations],
+        "suspects": [asdict(suspect) for suspect in one.suspects],
     }
 
 
@@ -90,10 +91,19 @@ def _convention(one: Convention) -> dict[str, Any]:
     }
 
 
+def _instance(one: Instance) -> dict[str, Any]:
+    return {
+        "channel": one.channel,
+        "recorded": one.channel if one.recorded is None else one.recorded,
+        "instance": one.name,
+        "device": one.device or None,
+    }
+
+
 def _quantity(one: QuantityDiagnosis, zero_s: float) -> dict[str, Any]:
     return {
         "signals": list(one.signals),
-        "instances": [{"channel": i.channel, "instance": i.name, "device": i.device or None} for i in one.instances],
+        "instances": [_instance(instance) for instance in one.instances],
         "rows": one.rows,
         "rate_hz": one.rate_hz,
         "time_s": [one.first_s, one.last_s],

@@ -5,7 +5,7 @@ The points of a line are the smallest and the largest value of equal parts of ti
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -49,14 +49,17 @@ def extremes(time_s: Floats, values: Floats, count: int, ends: tuple[float, floa
 
 
 def signal_figures(
-    name: str, one: SignalDiagnosis, a: int, shown: Shown, count: int, zero_s: float
+    name: str, one: SignalDiagnosis, a: int, shown: Shown, labels: Sequence[str], count: int, zero_s: float
 ) -> Iterator[tuple[str, go.Figure]]:
-    """Yield the two plots of signal ``name``, axis a of its quantity; ``count`` points a line."""
+    """Yield the two plots of signal ``name``, axis a of its quantity; ``count`` points a line.
+
+    labels : of the channels
+    """
     ends = float(shown.time_s[0]), float(shown.time_s[-1])
     unit = f", {one.unit}" if one.unit else ""
     figure = go.Figure()
     for c, column in enumerate(shown.x[a]):
-        _line(figure, f"channel {c + 1}", extremes(shown.time_s, column / shown.scale, count, ends), ends, zero_s, c)
+        _line(figure, labels[c], extremes(shown.time_s, column / shown.scale, count, ends), ends, zero_s, c)
     if shown.voted is not None:
         voted = extremes(shown.time_s, shown.voted[a] / shown.scale, count, ends)
         _line(figure, "vote", voted, ends, zero_s, None)
@@ -69,7 +72,7 @@ def signal_figures(
         return
     figure = go.Figure()
     for c, column in zip(shown.compared, shown.apart[a], strict=True):
-        _line(figure, f"channel {c}", extremes(shown.compared_s, column, count, ends), ends, zero_s, c - 1)
+        _line(figure, labels[c - 1], extremes(shown.compared_s, column, count, ends), ends, zero_s, c - 1)
     figure.add_hrect(-1, 1, fillcolor=faint(SOFT, 0.15), line_width=0, layer="below")
     _marks(figure, one)
     lay_out(figure, f"{name}: differences, in thresholds", _HEIGHT)

@@ -21,9 +21,10 @@ def write(path: Path, found: Diagnosis) -> None:
     quantities: list[dict[str, Any]] = []
     for name, one in found.quantities.items():
         pairs: list[list[str]] = []
+        labels = [instance.label for instance in one.instances]
         for a, (signal, verdict) in enumerate(one.signals.items()):
             if one.shown is not None:
-                drawn = dict(signal_figures(signal, verdict, a, one.shown, points(lines), found.zero_s))
+                drawn = dict(signal_figures(signal, verdict, a, one.shown, labels, points(lines), found.zero_s))
                 figures |= drawn
                 pairs.append(list(drawn))
         quantities.append(

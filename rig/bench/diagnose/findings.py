@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal
 
+from rig.flight.suspects import share_text
+
 EARLY_S: Final = 0.5  # a fault is dated by means, which a decision on rows may precede
 Verdict = Literal["none", "channel", "one_of", "unknown"]
 Kind = Literal["departs", "frozen", "end of range", "no samples"]
@@ -19,6 +21,17 @@ class Instance:
     channel: int
     name: str
     device: str = ""
+    recorded: int | None = None  # number in the recording, if CONFIG names the channels that vote and it is another
+
+    @property
+    def who(self) -> str:
+        """Return the channel, its name and device, as in a sentence."""
+        return f"channel {self.channel} ({'' if self.recorded is None else 'recorded as '}{self})"
+
+    @property
+    def label(self) -> str:
+        """Return the channel, in a plot; with the name if the recording has another number."""
+        return f"channel {self.channel}" if self.recorded is None else self.who
 
     def __str__(self) -> str:
         """Return the name and the device."""
@@ -58,8 +71,25 @@ class Isolation:
     """An isolation by the manager of a vote in flight; seconds since the first row."""
 
     channel: int
+    instance: str  # its topic or column
     at_s: float
     why: str  # the rule, as rig vote names it
+
+
+@dataclass(frozen=True, slots=True)
+class Doubted:
+    """A channel that the manager suspects in many rows and never isolates, as rig vote tells it."""
+
+    channel: int
+    instance: str  # its topic or column
+    at_s: float  # of the first of these rows, s since the first row
+    rows: int  # in which it was suspect
+    of: int  # rows in all
+
+    @property
+    def text(self) -> str:
+        """Return how often, in words."""
+        return share_text(self.rows, self.of)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +104,7 @@ class InFlight:
     at_s: float | None  # of that isolation, s since the first row
     vote_error: float | None  # largest distance of the vote from the other channels since the fault
     isolations: tuple[Isolation, ...] = ()  # all of them
+    suspects: tuple[Doubted, ...] = ()  # channels that are suspect in many rows and never isolated
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ def of_asked(asked: Asked) -> FlightVotes:
 
 
 def of_quantity(recording: Recording, settings: Mapping[str, RecordedSignal], config: VoteConfig) -> FlightVotes:
-    """Return the votes on one quantity of a log, on rows of its own.
+    """Return the votes on one quantity of a log, on its own rows.
 
     Boxes have signals on other rows, so their rule is left out.
     """

@@ -5,16 +5,17 @@ Units, axes and mountings are converted first, as an autopilot does by its setti
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
-from rig.bench.diagnose.findings import EARLY_S, Fault, InFlight, Isolation
+from rig.bench.diagnose.findings import EARLY_S, Doubted, Fault, InFlight, Isolation
 from rig.bench.diagnose.flight_votes import FlightVotes
 from rig.bench.diagnose.sensor_groups import Group
 from rig.bench.vote_rows import Voted
 from rig.core.settings import in_frames
 from rig.core.units.angles import into_range, near
+from rig.flight.suspects import doubted, is_many
 from rig.log.recordings.stamps import Floats
 
 
@@ -39,7 +40,7 @@ def fly(
     for a, name in enumerate(group.settings):
         one, own = voted[name], voted[name].settings
         shown.append(near(one.voted, _middle(x[a])) if own.wraps else one.voted)
-        isolations = tuple(_isolations(one, zero_s))
+        isolations = tuple(_isolations(one, group, zero_s))
         fault = faults.get(name)
         hit = None if fault is None else _isolation(fault, isolations, zero_s)
         error = None if fault is None else _vote_error(group, x[a], shown[a], fault)
@@ -53,6 +54,7 @@ def fly(
             None if hit is None else hit.at_s,
             None if error is None else float(own.shown(error)),
             isolations,
+            tuple(_suspects(one, group, x[a], zero_s)),
         )
     return made, shown
 
@@ -73,8 +75,19 @@ def _middle(x: Floats) -> Floats:
     return np.take_along_axis(x, first[None], axis=0)[0]
 
 
-def _isolations(one: Voted, zero_s: float) -> list[Isolation]:
-    return [Isolation(failure.channel, failure.time_s - zero_s, failure.why) for failure in one.failures]
+def _isolations(one: Voted, group: Group, zero_s: float) -> list[Isolation]:
+    names = {instance.channel: instance.name for instance in group.instances}
+    return [Isolation(f.channel, names[f.channel], f.time_s - zero_s, f.why) for f in one.failures]
+
+
+def _suspects(one: Voted, group: Group, x: Floats, zero_s: float) -> Iterator[Doubted]:
+    """Yield the channels that ``rig vote`` tells as suspect and never isolated; x : (C, n)."""
+    failed = {failure.channel for failure in one.failures}
+    for c, (instance, rows) in enumerate(zip(group.instances, one.suspect, strict=True)):
+        if instance.channel not in failed and is_many(rows, len(one.voted)):
+            first = int(np.argmax(doubted(one.state[c], np.isfinite(x[c]))))
+            at_s = float(group.time_s[first]) - zero_s
+            yield Doubted(instance.channel, instance.name, at_s, rows, len(one.voted))
 
 
 def _isolation(fault: Fault, isolations: tuple[Isolation, ...], zero_s: float) -> Isolation | None:

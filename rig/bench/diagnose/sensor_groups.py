@@ -145,19 +145,36 @@ def _of_log(path: Path, log: OpenLog, config: VoteConfig, source: str, of: str) 
 
 
 def _places(path: Path, config: VoteConfig) -> dict[str, list[tuple[str, str]]]:
-    """Return the topic and the field of each channel of the signals in the mapping.  BadInput: one channel."""
+    """Return the topic and the field of each channel that votes, by signal.  BadInput: fewer than two."""
     found: dict[str, dict[int, tuple[str, str]]] = {}
     for column, place in config.mapping.items():
         signal, _, channel = column.rpartition(".")
         topic, _, field_name = place.rpartition(":")
         if channel.isdecimal() and not signal.endswith(".ilm"):
             found.setdefault(signal, {})[int(channel)] = topic, field_name
-    for signal, channels in found.items():
-        if sorted(channels) != list(range(1, len(channels) + 1)) or len(channels) > CHANNELS:
-            raise BadInput(f"[mapping] {signal}: channels must be 1 to {CHANNELS} without a gap")
-        if len(channels) < 2:
-            raise BadInput(f"{path}: signal {quoted(signal)} has one channel: nothing to compare")
-    return {signal: [channels[c] for c in sorted(channels)] for signal, channels in found.items()}
+    return {
+        signal: [channels[c] for c in _numbers(path, signal, sorted(channels), _chosen(path, config, signal))]
+        for signal, channels in found.items()
+    }
+
+
+def _chosen(path: Path, config: VoteConfig, signal: str) -> list[int] | None:
+    """Return the recorded channels that vote by CONFIG; None: all."""
+    voting = config.voting(path)
+    return voting.get(signal, voting.get(""))
+
+
+def _numbers(path: Path, signal: str, there: list[int], chosen: list[int] | None) -> list[int]:
+    """Return the channels that vote, of those that are ``there``: ``chosen``, or all.  BadInput."""
+    if chosen is not None:
+        if missing := [c for c in chosen if c not in there]:
+            raise BadInput(f"{path}: signal.{signal}.channels: no channel {missing[0]} in [mapping]")
+        return chosen
+    if there != list(range(1, len(there) + 1)) or len(there) > CHANNELS:
+        raise BadInput(f"[mapping] {signal}: channels must be 1 to {CHANNELS} without a gap")
+    if len(there) < 2:
+        raise BadInput(f"{path}: signal {quoted(signal)} has one channel: nothing to compare")
+    return there
 
 
 class _Sources:
@@ -215,8 +232,12 @@ def _joined_group(
     read, clocks = sources.read(wanted)
     of_signals = {signal: [topic for topic, _ in places[signal]] for signal in settings}
     rows, taken = joined(str(sources.path), read, clocks, of_signals)
-    first = places[next(iter(settings))]
-    instances = tuple(Instance(c, topic, sources.device(topic)) for c, (topic, _) in enumerate(first, 1))
+    first = next(iter(settings))
+    numbers = _chosen(sources.path, config, first) or range(1, len(places[first]) + 1)
+    instances = tuple(
+        Instance(c, topic, sources.device(topic), None if number == c else number)
+        for c, ((topic, _), number) in enumerate(zip(places[first], numbers, strict=True), 1)
+    )
     x = np.array([[taken(*place) * own.scale for place in places[signal]] for signal, own in settings.items()])
     own_samples = [
         [Samples(clocks[t].time_s, clocks[t].of(read[t].fields[f]) * own.scale) for t, f in places[signal]]
@@ -232,12 +253,12 @@ def _of_recording(asked: Asked, of: str) -> Read:
     recording, settings, votes = asked.recording, asked.signals, of_asked(asked)
     made: list[Group] = []
     for name, signals in grouped(settings, asked.config.triads).items():
-        counts = {len(recording.signals[signal].channels) for signal in signals}
+        counts = {(len(recording.signals[signal].channels), recording.signals[signal].numbers) for signal in signals}
         parts = {name: signals} if len(counts) == 1 else {signal: (signal,) for signal in signals}
         for part, axes in parts.items():
             x = np.array([recording.signals[signal].channels for signal in axes])
             own = [[Samples(recording.time_s, column) for column in axis] for axis in x]
-            instances = tuple(Instance(c + 1, f"{part}.{c + 1}") for c in range(x.shape[1]))
+            instances = tuple(_instance(part, c, recording.signals[axes[0]]) for c in range(x.shape[1]))
             own_settings = {s: settings[s] for s in axes}
             group = Group(part, own_settings, instances, recording.time_s, x, own, votes=votes)
             made.append(_in_range(group))
@@ -247,6 +268,12 @@ def _of_recording(asked: Asked, of: str) -> Read:
         f"{r.source}: {r.dropped} rows whose time repeats or steps back were left out" for r in recording.repairs
     ]
     return Read(made, of, list(recording.remarks), [*recording.warnings, *repairs], {})
+
+
+def _instance(name: str, c: int, samples: Channels) -> Instance:
+    """Return channel ``c``, from 0, of the vote, named as its column in the recording."""
+    number = samples.number(c)
+    return Instance(c + 1, f"{name}.{number}", recorded=None if number == c + 1 else number)
 
 
 def _in_range(group: Group) -> Group:

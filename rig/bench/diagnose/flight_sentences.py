@@ -1,0 +1,80 @@
+"""Sentences on the manager in flight: isolations and suspect channels, of signals with and without a fault."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from rig.bench.channels import FROM_START
+from rig.bench.diagnose.findings import EARLY_S, InFlight, Instance, Isolation, SignalDiagnosis
+
+
+def of_fault(flight: InFlight, signal: SignalDiagnosis, instances: Sequence[Instance]) -> str:
+    """Return the sentence on a signal with a fault."""
+    unit = f" {signal.unit}" if signal.unit else ""
+    if not signal.channel:
+        isolated = " and ".join(_firsts(flight, instances))
+        return f"{_manager(flight, unit)} isolates {isolated or 'no channel'}."
+    others = ", ".join(_firsts(flight, instances, but=signal.channel))
+    also = f"; it also isolates {others}" if others else ""
+    error = f"; the vote is off by at most {flight.vote_error:.3g}{unit}" if flight.vote_error is not None else ""
+    if flight.at_s is None:
+        return f"{_manager(flight, unit)} does not isolate it{_suspected(flight, signal.channel)}{error}{also}."
+    rule = next(i.why for i in flight.isolations if (i.channel, i.at_s) == (signal.channel, flight.at_s))
+    early_s = (signal.since_s or 0.0) - flight.at_s
+    if early_s > EARLY_S:  # the vote is then of the others alone
+        error = f", {early_s:.2f} s before the beginning above"
+    return f"{_manager(flight, unit)} isolates it at {flight.at_s:.2f} s by {rule}{error}{also}."
+
+
+def without_fault(signals: Mapping[str, SignalDiagnosis], instances: Sequence[Instance]) -> Iterator[str]:
+    """Yield the sentences on signals without a fault, for each that has an isolated or a suspect channel."""
+    told = False
+    for name, signal in signals.items():
+        flight = signal.in_flight
+        if flight is None or not (flight.isolations or flight.suspects):
+            continue
+        manager = _manager(flight, f" {signal.unit}" if signal.unit else "")
+        if isolated := " and ".join(_firsts(flight, instances)):
+            yield f"{manager} isolates on {name}: {isolated}."
+        for one in flight.suspects:
+            who = instances[one.channel - 1].who
+            yield f"{manager} does not isolate {who} on {name}, but suspects it {one.text}, first at {one.at_s:.2f} s."
+        told = True
+    if told and any(signal.verdict == "none" for signal in signals.values()):
+        yield (
+            "The manager compares row by row. Noise, oscillations, faults that come and go and constant offsets count "
+            "there, and not in the comparison of means."
+        )
+
+
+def in_title(signals: Iterable[SignalDiagnosis]) -> str:
+    """Return what the manager does although no channel is found to depart; "": nothing."""
+    flights = [(one.quantity, one.in_flight) for one in signals if one.in_flight is not None]
+    isolated = [(i, quantity) for quantity, flight in flights for i in flight.isolations if i.why != FROM_START]
+    if isolated:
+        first, quantity = min(isolated, key=lambda each: each[0].at_s)
+        return f"the manager isolates {first.instance} ({quantity}) at {first.at_s:.2f} s"
+    suspects = [(one, quantity) for quantity, flight in flights for one in flight.suspects]
+    if suspects:
+        most, quantity = max(suspects, key=lambda each: each[0].rows)
+        return f"the manager suspects {most.instance} ({quantity}), first at {most.at_s:.2f} s, and isolates no channel"
+    return ""
+
+
+def _manager(flight: InFlight, unit: str) -> str:
+    return f"In flight the manager {flight.manager} (threshold {flight.threshold:g}{unit} of the {flight.threshold_of})"
+
+
+def _firsts(flight: InFlight, instances: Sequence[Instance], but: int | None = None) -> Iterator[str]:
+    """Yield the first isolation of each channel but one."""
+    firsts: dict[int, Isolation] = {}
+    for isolation in flight.isolations:
+        firsts.setdefault(isolation.channel, isolation)
+    for channel, first in firsts.items():
+        if channel != but:
+            yield f"{instances[channel - 1].who} at {first.at_s:.2f} s by {first.why}"
+
+
+def _suspected(flight: InFlight, channel: int) -> str:
+    one = next((one for one in flight.suspects if one.channel == channel), None)
+    return "" if one is None else f", but suspects it {one.text}, first at {one.at_s:.2f} s"
