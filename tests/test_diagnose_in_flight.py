@@ -165,7 +165,7 @@ def test_an_isolation_without_a_departure_is_in_title_and_paragraph():
     assert found.signals["q"].verdict == "none"
     title = found.summary["title"]
     assert title == f"no channel departs from the others, but the manager isolates q.4 (q) at {first[1]:.2f} s"
-    assert f"isolates on q: channel 4 (q.4) at {first[1]:.2f} s by comparison." in text_of(found)
+    assert f"isolates channel 4 (q.4) at {first[1]:.2f} s by comparison on q." in text_of(found)
 
 
 def test_a_suspect_channel_without_a_departure_is_in_title_and_paragraph():
@@ -177,8 +177,16 @@ def test_a_suspect_channel_without_a_departure_is_in_title_and_paragraph():
     assert (one.channel, one.rows) == (4, channel["suspect_rows"])
     assert 20.0 <= one.at_s < 20.5
     assert "but the manager suspects q.4 (q), first at 20." in found.summary["title"]
-    assert "does not isolate channel 4 (q.4) on q, but suspects it in " in text_of(found)
+    assert "suspects, without isolating, channel 4 (q.4) in " in text_of(found)
     assert found.summary["signals"]["q"]["in_flight"]["suspects"][0]["instance"] == "q.4"
+
+
+def test_two_channels_that_are_both_suspect_are_in_the_paragraph_alone():
+    written(oscillating()[:, 2:])
+    found = api.diagnose("a.csv", CONFIG | {"unresolved_s": 0})
+    assert len(flight_of(found, "q").suspects) == 2
+    assert found.summary["title"] == "no channel departs from the others"
+    assert "suspects, without isolating, all channels in " in text_of(found)
 
 
 def test_a_healthy_recording_has_a_plain_title():

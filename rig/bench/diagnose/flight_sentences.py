@@ -27,34 +27,40 @@ def of_fault(flight: InFlight, signal: SignalDiagnosis, instances: Sequence[Inst
 
 
 def without_fault(signals: Mapping[str, SignalDiagnosis], instances: Sequence[Instance]) -> Iterator[str]:
-    """Yield the sentences on signals without a fault, for each that has an isolated or a suspect channel."""
-    told = False
+    """Yield the sentences on signals without a fault: what is isolated, and what is suspect."""
+    managers: dict[str, dict[str, InFlight]] = {}
     for name, signal in signals.items():
-        flight = signal.in_flight
-        if flight is None or not (flight.isolations or flight.suspects):
-            continue
-        manager = _manager(flight, f" {signal.unit}" if signal.unit else "")
-        if isolated := " and ".join(_firsts(flight, instances)):
-            yield f"{manager} isolates on {name}: {isolated}."
-        for one in flight.suspects:
-            who = instances[one.channel - 1].who
-            yield f"{manager} does not isolate {who} on {name}, but suspects it {one.text}, first at {one.at_s:.2f} s."
-        told = True
-    if told and any(signal.verdict == "none" for signal in signals.values()):
+        if (flight := signal.in_flight) is not None and (flight.isolations or flight.suspects):
+            unit = f" {signal.unit}" if signal.unit else ""
+            managers.setdefault(_manager(flight, unit), {})[name] = flight
+    for manager, flights in managers.items():
+        isolated = [f"{' and '.join(_firsts(f, instances))} on {name}" for name, f in flights.items() if f.isolations]
+        if isolated:
+            yield f"{manager} isolates {'; '.join(isolated)}."
+        suspected = [f"{text} on {name}" for name, flight in flights.items() for text in _suspects(flight, instances)]
+        if suspected:
+            who = "It also" if isolated else manager
+            yield f"{who} suspects, without isolating, {'; '.join(suspected)}."
+    if managers and any(signal.verdict == "none" for signal in signals.values()):
         yield (
             "The manager compares row by row. Noise, oscillations, faults that come and go and constant offsets count "
             "there, and not in the comparison of means."
         )
 
 
-def in_title(signals: Iterable[SignalDiagnosis]) -> str:
-    """Return what the manager does although no channel is found to depart; "": nothing."""
+def in_title(signals: Iterable[SignalDiagnosis], counts: Mapping[str, int]) -> str:
+    """Return what the manager does although no channel is found to depart; "": nothing.
+
+    counts : channels of each quantity; where all of them are suspect, no channel is told
+    """
     flights = [(one.quantity, one.in_flight) for one in signals if one.in_flight is not None]
     isolated = [(i, quantity) for quantity, flight in flights for i in flight.isolations if i.why != FROM_START]
     if isolated:
         first, quantity = min(isolated, key=lambda each: each[0].at_s)
-        return f"the manager isolates {first.instance} ({quantity}) at {first.at_s:.2f} s"
-    suspects = [(one, quantity) for quantity, flight in flights for one in flight.suspects]
+        names = dict.fromkeys(i.instance for i, of in isolated if (of, i.at_s) == (quantity, first.at_s))
+        return f"the manager isolates {' and '.join(names)} ({quantity}) at {first.at_s:.2f} s"
+    single = [each for each in flights if len(each[1].suspects) < counts[each[0]]]
+    suspects = [(one, quantity) for quantity, flight in single for one in flight.suspects]
     if suspects:
         most, quantity = max(suspects, key=lambda each: each[0].rows)
         return f"the manager suspects {most.instance} ({quantity}), first at {most.at_s:.2f} s, and isolates no channel"
@@ -73,6 +79,16 @@ def _firsts(flight: InFlight, instances: Sequence[Instance], but: int | None = N
     for channel, first in firsts.items():
         if channel != but:
             yield f"{instances[channel - 1].who} at {first.at_s:.2f} s by {first.why}"
+
+
+def _suspects(flight: InFlight, instances: Sequence[Instance]) -> Iterator[str]:
+    """Yield the suspect channels, those of the same rows together."""
+    alike: dict[str, list[Instance]] = {}
+    for one in flight.suspects:
+        alike.setdefault(f"{one.text}, first at {one.at_s:.2f} s,", []).append(instances[one.channel - 1])
+    for text, some in alike.items():
+        who = "all channels" if len(some) == len(instances) else " and ".join(one.who for one in some)
+        yield f"{who} {text}"
 
 
 def _suspected(flight: InFlight, channel: int) -> str:

@@ -23,7 +23,7 @@ def title(quantities: Mapping[str, QuantityDiagnosis]) -> str:
     result = "no verdict is possible"
     if any(one.verdict == "none" for one in signals):
         result = "no channel departs from the others"
-    decided = in_title(signals)
+    decided = in_title(signals, {name: len(one.instances) for name, one in quantities.items()})
     return f"{result}, but {decided}" if decided else result
 
 
