@@ -90,6 +90,15 @@ def test_the_wrong_one_of_angles_that_go_round_is_isolated_as_by_rig_vote():
     assert one.in_flight is not None and one.in_flight.vote_error is not None and one.in_flight.vote_error < 3.0
 
 
+def test_an_angle_recorded_from_0_to_360_has_no_other_unit():
+    x = wrapped(headings())
+    x[:, 1] %= 360.0
+    written(x, "hdg")
+    ((channel, _, why),) = told({"signal": {"hdg": HEADING}}, "hdg")
+    assert (channel, why) == (2, "invalid")
+    assert not [one for one in api.diagnose("a.csv", {"signal": {"hdg": HEADING}}).conventions if one.kind == "unit"]
+
+
 def test_max_change_and_resets_hold_in_flight():
     x = rates()
     x[SINCE & ((TIME_S < 25.0) | (TIME_S > 35.0)), 1] += 0.05

@@ -141,7 +141,8 @@ def _split(axis: _Axis, pattern: Bytes, time_s: Floats, lasts: int, apart: Float
             since = float(time_s[first] - time_s[0])
             k = min(int(np.searchsorted(axis.group.time_s, time_s[first])), apart.shape[1] - 1)
             if not _vibrates(axis, k, float(np.ptp(axis.means[:, k])), found):
-                text = f"{axis.signal}: no majority for {time_s[after - 1] - time_s[first]:.1f} s from {since:.2f} s on"
+                text = f"on {axis.signal} there is no majority from {since:.2f} s on"
+                text += f" for {time_s[after - 1] - time_s[first]:.1f} s"
                 found.remarks.append(text)
                 size = float(np.ptp(axis.means[:, k]))
                 return Fault(axis.signal, "departs", 0, float(time_s[first]), size, "the channels disagree")
@@ -166,8 +167,8 @@ def _vibrates(axis: _Axis, k: int, size: float, found: Findings) -> bool:
         return False
     since = float(axis.group.time_s[k] - axis.group.time_s[0])
     found.remarks.append(
-        f"{axis.signal}: the channels diverge by {axis.group.shown(size)} {since:.2f} s after the first row while the "
-        f"vibration rises to {axis.group.shown(float(level[k]))}: no sign of a fault"
+        f"on {axis.signal} the channels diverge by {axis.group.shown(size)} {since:.2f} s after the first row while "
+        f"the vibration rises to {axis.group.shown(float(level[k]))}: no sign of a fault"
     )
     return True
 
@@ -185,8 +186,8 @@ def _swings(axis: _Axis, k: int, off: Floats, found: Findings) -> bool:
         return False
     since = float(axis.group.time_s[k] - axis.group.time_s[0])
     found.remarks.append(
-        f"{axis.signal}: a difference swings by {axis.group.shown(float(level[k]))} {since:.2f} s after the first row: "
-        "vibration that the log is too slow to show, no sign of a fault"
+        f"on {axis.signal} a difference swings by {axis.group.shown(float(level[k]))} {since:.2f} s after the first "
+        "row: vibration that the log is too slow to show, no sign of a fault"
     )
     return True
 

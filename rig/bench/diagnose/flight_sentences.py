@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Final
 
-from rig.bench.channels import FROM_START
+from rig.bench.channels import FROM_START, INVALID
 from rig.bench.diagnose.findings import EARLY_S, InFlight, Instance, Isolation, SignalDiagnosis
+
+_PLAIN: Final = (FROM_START, INVALID)  # rules that compare nothing
 
 
 def of_fault(flight: InFlight, signal: SignalDiagnosis, instances: Sequence[Instance]) -> str:
@@ -41,7 +44,8 @@ def without_fault(signals: Mapping[str, SignalDiagnosis], instances: Sequence[In
         if suspected:
             who = "It also" if isolated else manager
             yield f"{who} suspects, without isolating, {'; '.join(suspected)}."
-    if managers and any(signal.verdict == "none" for signal in signals.values()):
+    flights = [flight for each in managers.values() for flight in each.values()]
+    if any(f.suspects or any(i.why not in _PLAIN for i in f.isolations) for f in flights):
         yield (
             "The manager compares row by row. Noise, oscillations, faults that come and go and constant offsets count "
             "there, and not in the comparison of means."

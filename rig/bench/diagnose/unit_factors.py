@@ -38,7 +38,12 @@ _STEADY: Final = 10.0  # spreads that a level is away from zero, to be compared 
 
 
 def take_off_units(group: Group, x: Floats, rows: int, found: Findings) -> None:
-    """Tell an instance whose unit differs, and convert it in ``x`` (axes, C, n), without NaN."""
+    """Tell an instance whose unit differs, and convert it in ``x`` (axes, C, n), without NaN.
+
+    Angles that wrap are left: each was unrolled to within half a turn of the first, so sizes do not show a unit.
+    """
+    if group.first.wraps:
+        return
     levels = _levels(x) if group.kind != "gyro" else None
     sizes = levels if levels is not None else _motions(x, rows)
     if sizes is None:
