@@ -41,6 +41,7 @@ RULE: Final = (
 )
 MARKED: Final = 100.0  # extrapolation from which a design is marked
 FEW: Final = 9  # flights below which budgets did not hold
+WEAK: Final = 0.5  # share of the injected faults below which a design is told to be weak
 STRETCHES: Final = 16  # that a single flight is cut into
 _SHORTEST_S: Final = 10.0  # of a stretch
 
@@ -238,6 +239,8 @@ def _designed(name: str, data: Data, grid: Grid, keep: bool, figures: SlowTests 
     elif len(tried) > 1:
         what = f"{len(tried) - 1} design{'s' * (len(tried) > 2)} that isolate{'s' * (len(tried) == 2)} more faults"
         notes.append(f"{name}: {what} rejected: exceeded the rate on held-out flights")
+    if (share := tradeoffs[chosen].share) < WEAK:
+        notes.append(f"{name}: the design isolates only {100.0 * share:.0f} % of the injected faults")
     return Signal(given, len(used), hours, suspected, motion, made, tradeoffs, chosen, tried[chosen], notes)
 
 

@@ -1,8 +1,8 @@
 """Design the slow-fault tests of a signal from healthy flights: factors on their limits, and the reference's error.
 
 The tests run over every flight, and isolate no channel: first with factors of 1, then with those that follow.  A share
-is what a statistic reaches of its bare limit.  What counts of a residual grows with the factor, so with a larger one
-the share of a channel that differs for good is larger, too: factors are raised until they hold.
+is what a statistic reaches of its bare limit.  A residual counts up to a step that grows with the factor, so with a
+larger factor the share of a channel that differs for good is larger, too: factors are raised until they hold.
 
 factors    RESERVE times the largest share of the means, of the mean of squares and of the halves, and at least LEAST
 reference  level: REFERENCE_RESERVE times the largest error at rest, a mean over 25 frames without the learned bias;
