@@ -15,6 +15,7 @@ from rig.log.recordings.recording import Bytes, Samples
 FIELDS: Final = ("voted", "level", "pattern", "decided_by", "trend_high", "trend_low", "reference_usable")
 # What a flight's log has besides, and a vote by its scenario gives again.
 FLIGHT_FIELDS: Final = ("common_mode", "source", "reset")
+_OF_EACH_SIGNAL: Final = ("channels", "valid", "ilm", "reset", "reference", "second_reference")  # what a manager reads
 
 
 def blocks(kind: Rows, n: int) -> Iterator[tuple[slice, Block]]:
@@ -67,6 +68,15 @@ def put(block: Block, i: int, samples: Samples, part: slice, second: bool) -> No
         block["reference"][:, i] = samples.reference[part]
     if second and samples.second_reference is not None:
         block["second_reference"][:, i] = samples.second_reference[part]
+
+
+def repeat_first(block: Block, signals: int) -> None:
+    """Write the samples of the first signal as those of every signal of the block from number ``signals`` on.
+
+    A manager of the user's own is written for the signals of a flight: it gets as many, and none without channels.
+    """
+    for name in _OF_EACH_SIGNAL:
+        block[name][:, signals:] = block[name][:, :1]
 
 
 def put_discrete(block: Block, d: int, samples: Samples, part: slice) -> None:

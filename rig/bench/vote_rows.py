@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rig.bench.channels import ChannelFailure, begin_isolated, channel_records
 from rig.bench.drive import Decide, Stages, run, write_sources
-from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete
+from rig.bench.rows_of_recording import FIELDS, FLIGHT_FIELDS, Columns, blocks, put, put_discrete, repeat_first
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
 from rig.computer.redundancy.box import box_of_signals
 from rig.computer.redundancy.discrete import DiscreteVoter
@@ -232,7 +232,8 @@ def _group(
 ) -> _Group:
     manager = settings[names[0]].manager
     if manager not in MANAGERS:
-        return _Group(names, load_manager(manager, params, trust), params)
+        # It gets a flight's rows (_vote_group), so there must be settings for all signals of a flight.
+        return _Group(names, load_manager(manager, np.repeat(params, S), trust), params)
     with_manager = with_settings(params, manager, baselines, names)
     boxes = {"box_signals": rules.box_signals, "box_persistence": rules.box_persistence}
     made = Manager(manager, with_manager, **boxes, as_unit=as_unit)
@@ -256,6 +257,7 @@ def _vote_group(
         for i, signal in enumerate(samples):
             put(block, i, signal, part, group.of_flight)
             block["reset"][:, i] = commanded[i][part]
+        repeat_first(block, len(samples))
         _decide(kind, block, group)
         for i, out in enumerate(columns):
             spreads(block, i, group.params[i], spread[i, part])

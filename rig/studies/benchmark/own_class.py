@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.bench.drive import Stages, run
-from rig.bench.rows_of_recording import blocks
+from rig.bench.rows_of_recording import blocks, repeat_first
 from rig.bench.vote_rows import by_class
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.core.errors import BadInput, ManagerFailed
@@ -160,8 +160,8 @@ def _vote(own: OwnManager, read: Mapping[str, NDArray[Any]], failed: NDArray[np.
     pieces, frames = votes.shape
     for part, block in blocks(_FLIGHT, frames):
         for key, values in read.items():
-            some = np.moveaxis(values[:, part], 0, 1)
-            block[key][:, :pieces], block[key][:, pieces:] = some, some[:, :1]
+            block[key][:, :pieces] = np.moveaxis(values[:, part], 0, 1)
+        repeat_first(block, pieces)
         nested = _FLIGHT.nested(block)
         run(nested, Stages(), decide=by_class(own, block, nested))
         failed[:, part] = np.moveaxis(block["state"][:, :pieces] == State.FAILED, 0, 1)
