@@ -5,15 +5,29 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 import rig
+from rig.computer.redundancy.manager_config import PARAMS
+from rig.computer.redundancy.own import load_manager
+from rig.core.frame import S, nested, new_block
 from rig.core.interrupt import end_cleanly, interruptible
+from rig.core.trust import Trust
 from rig.log import read_log
+from rig.studies.benchmark.own_class import HealthyData, designed
+from rig.studies.campaign.worker import fly_run
+from rig.studies.search.plants.plant_call import Call, simulate
+from rig.unit.python_law import PythonLaw
+from rig.unit.unit_records import CONFIG, LAW_INPUT, OUTPUT
 
+TRUSTED = Trust(allow_code=True)
 TERMINATIONS = [signal.SIGTERM, signal.SIGHUP]
 
 
@@ -108,6 +122,88 @@ def test_a_process_that_ends_cleanly_runs_its_finally_and_a_second_signal_does_n
     ran = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=False)
     assert (ran.returncode, ran.stderr) == (128 + number, b"")
     assert [path.name for path in tmp_path.iterdir()] == ["finally"]
+
+
+STRUCK = """
+import signal
+
+NUMBER = 0
+
+def strike(*_, **__):
+    signal.raise_signal(NUMBER)
+
+class MadeFor:
+    def __init__(self, of):
+        strike()
+
+class Steps:
+    def __init__(self, of):
+        pass
+
+    def step(self, bus, fcc=None, k=0):
+        strike()
+
+class Designs(Steps):
+    design = strike
+"""
+
+
+def of_managers_step() -> None:
+    block = new_block(1)
+    parts = nested(block)
+    load_manager("struck:Steps", np.zeros(S, PARAMS), TRUSTED).step(block, parts["bus"], parts["fcc"], 0)
+
+
+def of_manager_made() -> None:
+    load_manager("struck:MadeFor", np.zeros(S, PARAMS), TRUSTED)
+
+
+def of_design() -> None:
+    designed("struck:Designs", HealthyData("pitch_rate", (), (), 100.0, 1.0, False, 0.0))
+
+
+def of_law_made() -> None:
+    law("struck:MadeFor")
+
+
+def of_laws_step() -> None:
+    made, asked, answer = law("struck:Steps"), np.zeros(1, LAW_INPUT), np.zeros(1, OUTPUT)
+    made.failure(made.step(asked.ctypes.data, answer.ctypes.data))
+
+
+def law(name: str) -> PythonLaw:
+    unit: Any = SimpleNamespace(law=name, folder=Path(), source="unit.toml")
+    made = PythonLaw(unit)
+    made.open(np.zeros(1, CONFIG))
+    return made
+
+
+def of_plant() -> None:
+    simulate(import_module("struck").strike, Call(seed=1, duration_s=1.0, rate_hz=10.0, inputs={}, shapes={}))
+
+
+def of_run_of_campaign() -> None:
+    run: Any = SimpleNamespace(number=0, data={"seed": 0}, aircraft="f16", scenario=import_module("struck").strike)
+    orders: Any = SimpleNamespace(timeout_s=60.0, unit=None)
+    fly_run(run, orders)
+
+
+PLACES = [of_managers_step, of_manager_made, of_design, of_law_made, of_laws_step, of_plant, of_run_of_campaign]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("place", PLACES)
+def test_a_signal_that_comes_in_the_code_of_a_user_ends_the_process_and_is_no_error_of_that_code(
+    place: Callable[[], None], number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "struck.py").write_text(STRUCK.replace("NUMBER = 0", f"NUMBER = {int(number)}"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "struck", raising=False)
+    end_cleanly()
+    with pytest.raises(SystemExit if number == signal.SIGTERM else KeyboardInterrupt) as raised:
+        place()
+    assert number == signal.SIGINT or raised.value.args == (143,)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, *TERMINATIONS])

@@ -20,6 +20,13 @@ FLIES_AGAIN: Final = "the same command flies them again"
 CODE: Final = 128  # plus the number of the signal: the exit code of an ended process, as in shells
 
 
+class Terminated(SystemExit):
+    """The end by SIGTERM or SIGHUP: it is no error of the code that it interrupts, unlike another SystemExit."""
+
+
+SIGNALLED: Final = (KeyboardInterrupt, Terminated)  # whoever handles the exceptions of a user's code lets these pass
+
+
 class Stop:
     """A request to end flights after the present frame: the first signal, and a second Ctrl-C."""
 
@@ -35,7 +42,7 @@ class Stop:
     def heed(self) -> None:
         """End the process as its signal would have, if there was one."""
         if self.requested:
-            raise SystemExit(CODE + self.signal) if self.terminated else KeyboardInterrupt
+            raise Terminated(CODE + self.signal) if self.terminated else KeyboardInterrupt
 
 
 @contextmanager
@@ -65,7 +72,7 @@ def interruptible(*, again: bool = False) -> Iterator[Stop]:
 
 @contextmanager
 def at_once() -> Iterator[None]:
-    """End the block by KeyboardInterrupt or SystemExit, also within a flight."""
+    """End the block by KeyboardInterrupt or Terminated, also within a flight."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -87,7 +94,7 @@ def _put_back() -> Iterator[dict[signal.Signals, Any]]:
 
 
 def end_cleanly() -> None:
-    """End the process by SystemExit at SIGTERM or SIGHUP, so that half-written files are removed.
+    """End the process by Terminated at SIGTERM or SIGHUP, so that half-written files are removed.
 
     Exit code 128 + signal.  The first one counts: timeout(1) and closed terminals send two.
     """
@@ -95,7 +102,7 @@ def end_cleanly() -> None:
     def end(number: int, frame: object) -> NoReturn:
         for each in _heeded():
             signal.signal(each, signal.SIG_IGN)
-        raise SystemExit(CODE + number)
+        raise Terminated(CODE + number)
 
     for number in _heeded():
         signal.signal(number, end)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from rig.core.errors import BadInput
 from rig.core.frame import SURFACES
+from rig.core.interrupt import SIGNALLED
 from rig.unit.host import Refused
 from rig.unit.transport import Environment, LibraryLink
 from rig.unit.unit_file import Unit
@@ -40,14 +41,18 @@ class PythonLaw(LibraryLink):
         self._make = _imported(self._name, unit)
         self.environment, self.interface = Environment(), INTERFACE
         self._law: Step | None = None
+        self._interruption: BaseException | None = None
         self._records: dict[tuple[int, int], tuple[np.void, np.void]] = {}  # by their addresses
         self.step = _FUNCTION(self._step)
 
     def open(self, config: NDArray[Any]) -> None:
         """Make a new law.  Refused: it cannot be made."""
         self._records.clear()
+        self._interruption = None
         try:
             made = self._make(config.copy()[0])
+        except SIGNALLED:
+            raise
         except BaseException as error:  # noqa: BLE001 # whatever the user's class raises
             raise Refused(f"cannot fly: {self._name!r} cannot be made: {_in_words(error)}") from None
         self._law = getattr(made, "step", made)
@@ -55,7 +60,9 @@ class PythonLaw(LibraryLink):
             raise Refused(f"cannot fly: {self._name!r} has no step(asked)")
 
     def failure(self, code: int) -> str:
-        """Return the reason of the last step's failure."""
+        """Return the reason of the last step's failure; raise the signal that interrupted it, if one did."""
+        if self._interruption is not None:
+            raise self._interruption
         return f"{self._name!r} {self._failed}"
 
     def close(self) -> str:
@@ -64,7 +71,7 @@ class PythonLaw(LibraryLink):
         return ""
 
     def _step(self, source: int, target: int) -> int:
-        """Answer a frame; a function of C cannot raise."""
+        """Answer a frame; a function of C cannot raise, so an interruption is left to ``failure``."""
         try:
             asked, answer = self._records.get((source, target)) or self._at(source, target)
             assert self._law is not None
@@ -73,6 +80,9 @@ class PythonLaw(LibraryLink):
                 self._failed = f"returned {surface.shape} numbers, must be {_SHAPE}: {', '.join(SURFACES)}"
                 return 1
             answer["surface"], answer["said"] = surface, Said.SURFACE
+        except SIGNALLED as interruption:
+            self._interruption = interruption
+            return 1
         except BaseException as error:  # noqa: BLE001 # whatever the user's class raises
             self._failed = f"raised {_in_words(error)}"
             return 1
@@ -97,7 +107,7 @@ def _imported(name: str, unit: Unit) -> Callable[..., Any]:
             sys.path.insert(0, folder)
     try:
         made = getattr(import_module(module), attribute)
-    except KeyboardInterrupt:
+    except SIGNALLED:
         raise
     except BaseException as error:  # noqa: BLE001 # whatever the user's module raises, SystemExit too
         raise BadInput(f"{unit.source}: law: {name!r} cannot be imported: {_in_words(error)}") from None

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from rig.computer.redundancy.assumed_states import begin_answer, complete_answer
 from rig.core.errors import BadInput, ManagerFailed
 from rig.core.frame import Block, State, nested, new_block
+from rig.core.interrupt import SIGNALLED
 from rig.core.kernels import bind
 from rig.core.trust import Trust
 
@@ -54,7 +55,7 @@ class OwnManager:
         self._begin(fcc, k, len(self._fitted))
         try:
             self._step(bus, fcc, k, frame)
-        except KeyboardInterrupt:
+        except SIGNALLED:
             raise
         except BaseException as error:
             raise self._failure(f"raised in frame {frame}: {_in_words(error)}", k, frame) from error
@@ -98,7 +99,7 @@ def load_manager(name: str, params: NDArray[np.void], trust: Trust) -> OwnManage
             if inspect.isclass(manager)
             else _of_function(name, manager, module, params)
         )
-    except (KeyboardInterrupt, BadInput):
+    except (*SIGNALLED, BadInput):
         raise
     except BaseException as error:  # noqa: BLE001 # whatever the user's module raises, SystemExit too
         raise BadInput(f"redundancy.manager: {name!r} cannot be made: {_in_words(error)}") from None

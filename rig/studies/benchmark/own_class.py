@@ -27,6 +27,7 @@ from rig.bench.vote_rows import by_class
 from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.core.errors import BadInput, ManagerFailed
 from rig.core.frame import CHANNELS, D, S, State, rows
+from rig.core.interrupt import SIGNALLED
 from rig.core.trust import Trust
 
 Floats = NDArray[np.float64]
@@ -58,7 +59,7 @@ def _attribute(name: str) -> Any:
         sys.path.insert(0, "")  # the folder in which the command was given
     try:
         return getattr(import_module(module), attribute)
-    except (KeyboardInterrupt, BadInput):
+    except (*SIGNALLED, BadInput):
         raise
     except BaseException as error:  # noqa: BLE001 # whatever the user's module raises
         raise BadInput(f"--managers: {name}: cannot be imported: {type(error).__name__}: {error}") from None
@@ -94,7 +95,7 @@ def designed(name: str, healthy: HealthyData) -> dict[str, Any]:
     with _one_at_a_time:
         try:
             found = getattr(own, DESIGN)(healthy)
-        except (KeyboardInterrupt, BadInput):
+        except (*SIGNALLED, BadInput):
             raise
         except BaseException as error:  # noqa: BLE001 # whatever the user's method raises
             said = " ".join(f"{type(error).__name__}: {error}".split())

@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from rig.core.errors import BadInput, RigError, UnitDead, UnitRefused
-from rig.core.interrupt import signal_name
+from rig.core.interrupt import Terminated, signal_name
 from rig.scenario import aircraft
 from rig.scenario.scenario import load
 from rig.studies.campaign.flying import fly, write_log
@@ -127,6 +127,8 @@ def fly_run(run: Run, orders: Orders) -> Rows:
         found["runs"][0]["manager"] = orders.voter(flight.scenario.redundancy.manager)
     except (UnitDead, UnitRefused) as error:
         return not_flown(run, "unit dead" if isinstance(error, UnitDead) else "unit refused", str(error))
+    except Terminated:
+        raise
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a flight raises is its own failure
         return not_flown(run, "failed", " ".join(f"{type(error).__name__}: {error}".split()))
     row = found["runs"][0]

@@ -23,6 +23,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.core.interrupt import Terminated
 from rig.studies.search.plants.plant_signal import Signal
 
 MOST_COLUMNS: Final = 1000
@@ -86,6 +87,8 @@ def simulate(function: Function, call: Call) -> Outcome:
         columns = on_frames(returned, call)
     except Wrong as error:
         return Outcome(None, str(error), printed.kept)
+    except Terminated:
+        raise
     except (Exception, SystemExit) as error:  # noqa: BLE001 # whatever a plant raises is its own failure
         return Outcome(None, _short(f"{type(error).__name__}: {error}"), printed.kept)
     return Outcome(columns, "", printed.kept)
