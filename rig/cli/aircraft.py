@@ -63,10 +63,12 @@ def aircraft_show(name: Home, as_json: Json = False) -> None:
     import tomli_w
 
     from rig.core.settings import refuse_what_is_no_setting
-    from rig.scenario.aircraft import tables
+    from rig.scenario.aircraft import refuse_bad, tables
+    from rig.scenario.scenario import Scenario
 
     settings = tables(name)
     refuse_what_is_no_setting(settings, f"aircraft {name}")
+    refuse_bad(name, Scenario)
     emit(as_json, settings, lambda: echo(plain(tomli_w.dumps(settings), keep="\n"), nl=False))
 
 
@@ -197,14 +199,17 @@ def aircraft_check(
     """
     from rig.cli import show_aircraft as show
     from rig.design.aircraft_check import check
-    from rig.scenario.aircraft import folder
+    from rig.scenario.aircraft import folder, refuse_bad
+    from rig.scenario.scenario import Scenario
     from rig.world.plant import airframe
 
     home = folder(name)
     if accept:
         _require_apart(name, None)
+    frame = airframe.read(home / "aircraft.toml")
+    refuse_bad(name, Scenario, designed=False)
     with working("trim", not as_json, steps=True):
-        checked = check(airframe.read(home / "aircraft.toml"))
+        checked = check(frame)
     result = {**checked.as_dict(), "accepted": accept}
     if not as_json:
         show.check(checked, name)

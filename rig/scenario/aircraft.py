@@ -13,14 +13,17 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
+from rig.computer.analytic.designed import Designed
 from rig.computer.analytic.reference_sources import Config as Sources
+from rig.computer.control.gains_file import Gains
 from rig.core.errors import BadInput, RigError
 from rig.core.files import NOT_WHOLE, bundled, is_file
 from rig.core.frame import INDEX
-from rig.core.settings import build, read_own, read_toml
+from rig.core.settings import Settings, build, read_own, read_toml
 from rig.core.text import choices, quoted
 from rig.world.sensors.classes import SensorClass, under
 
+DESIGN: Final[dict[str, type[Settings]]] = {"gains": Gains, "references": Designed}  # files beside aircraft.toml
 DEFAULT: Final = "f16"  # of a scenario that names none
 DESIGNED_AT_HZ: Final = 100.0  # slow-fault tests: a sample is taken up to a part of a frame early
 SAME_ERRORS: Final = {"channels", "monitor"}  # keys of a sensor that leave the errors of its channels as they are
@@ -62,7 +65,7 @@ def located(name: str, beside: Path) -> str:
 def tables(name: str) -> dict[str, Any]:
     """Return all tables of an aircraft: defaults, its file, its designed gains and references."""
     merged = own_tables(name)
-    for kind in ("gains", "references"):
+    for kind in DESIGN:
         path = folder(name) / f"{kind}.toml"
         if not is_file(path):
             raise BadInput(f"{path}: no such file; write it with: rig aircraft design {name}")
@@ -91,6 +94,19 @@ def own_tables(name: str) -> dict[str, Any]:
     """Return an aircraft's tables without its design: the defaults and its file."""
     path = folder(name) / "aircraft.toml"
     return lay_over(read_own(bundled("aircraft") / "defaults.toml"), read_toml(path), str(path))
+
+
+def refuse_bad(name: str, model: type[Settings], designed: bool = True) -> None:
+    """Refuse an aircraft whose settings are wrong by themselves; BadInput names the file of the aircraft, and the key.
+
+    model : of a scenario, which has all settings of an aircraft
+    designed : False if its own design is not there yet, or is made again; that of another one stands in
+    """
+    home, settings = folder(name), own_tables(name)
+    for kind, of_kind in DESIGN.items():
+        path = (home if designed else folder(DEFAULT)) / f"{kind}.toml"
+        settings[kind] = build(of_kind, read_toml(path), str(path)).model_dump(exclude_none=True)
+    build(model, settings, str(home / "aircraft.toml"))
 
 
 def sensor_classes() -> dict[str, SensorClass]:

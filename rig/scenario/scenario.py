@@ -276,8 +276,13 @@ def load(
     chosen = data.get("aircraft", "f16")
     if not isinstance(chosen, str):
         raise BadInput(f"{within}: aircraft: must be a name, got {quoted(chosen)}")
-    merged = aircraft.lay_over(aircraft.tables(aircraft.located(chosen, home)), data, within)
-    made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), home)}, within)
+    there = aircraft.located(chosen, home)
+    merged = aircraft.lay_over(aircraft.tables(there), data, within)
+    try:
+        made = build(Scenario, {**merged, "sensors": pin(merged.get("sensors"), home)}, within)
+    except BadInput:
+        aircraft.refuse_bad(there, Scenario)  # what is wrong may be in its file, not in this one
+        raise
     return made.trusted(Trust(source, allow_code, named_manager(map(parse_set, sets))))
 
 

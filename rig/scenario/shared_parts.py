@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from typing import Any, Final
 
+from rig.core.errors import BadInput
 from rig.core.settings import build
 from rig.scenario import aircraft
 from rig.scenario.scenario import Scenario
@@ -26,12 +27,16 @@ def build_shared(below: dict[str, Any], data: dict[str, Any], source: str) -> Sc
     """Return the scenario of ``data`` over the tables ``below``; parts that an earlier one had from both are the same.
 
     below : of an aircraft, the same objects for all runs, and never changed
-    BadInput names ``source`` and the first wrong key.
+    BadInput names ``source``, or the file of the aircraft if that is wrong by itself, and the first wrong key.
     """
     merged = aircraft.merge(below, data)
     keys = {name: _key(name, below, data) for name in PARTS if name in merged}
     known = {name: _kept[key][1] for name, key in keys.items() if key in _kept}
-    made = build(Scenario, {**merged, **known}, source)
+    try:
+        made = build(Scenario, {**merged, **known}, source)
+    except BadInput:
+        aircraft.refuse_bad(data.get("aircraft", aircraft.DEFAULT), Scenario)  # what is wrong may be in its file
+        raise
     for name in keys.keys() - known.keys():
         if len(_kept) >= _MOST:
             _kept.clear()
