@@ -84,8 +84,8 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
     if not found:
         raise BadInput(f"--recordings: every recording is shorter than a trial of {BEFORE_S + LATER_S:g} s")
     trials = pl.concat(found)
-    result = {"hours": data.hours, "levels": told, "silent": silent, "table": table(trials)}
-    result["differences"] = differences(trials)
+    result = {"hours": data.hours, "recordings": len(data.names), "levels": told, "silent": silent}
+    result |= {"table": table(trials), "differences": differences(trials)}
     return {**result, "losses": losses(result)}
 
 

@@ -28,6 +28,7 @@ from rig.computer.redundancy.own import OwnManager, load_manager
 from rig.core.errors import BadInput, ManagerFailed
 from rig.core.frame import CHANNELS, D, S, State, rows
 from rig.core.interrupt import SIGNALLED
+from rig.core.threads import heed
 from rig.core.trust import Trust
 
 Floats = NDArray[np.float64]
@@ -160,6 +161,7 @@ def _vote(own: OwnManager, read: Mapping[str, NDArray[Any]], failed: NDArray[np.
     """
     pieces, frames = votes.shape
     for part, block in blocks(_FLIGHT, frames):
+        heed()
         for key, values in read.items():
             block[key][:, :pieces] = np.moveaxis(values[:, part], 0, 1)
         repeat_first(block, pieces)
