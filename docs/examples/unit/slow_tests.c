@@ -152,8 +152,8 @@ static void renew_gains(struct slow_tests *t)
     t->halves.of_frames = 1.0 / smaller(learned, TESTS_SLOW);
 }
 
-/* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling.  The first change of the
- * middle after another number of channels, a middle off the majority or a stop is none of the aircraft. */
+/* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling.  A change to
+ * a middle that is not that of a majority, and the first one after another number of channels or a stop, are none of the aircraft. */
 static double allowance(double m, double moved, double sigma, int n, params *p, struct slow_tests *t)
 {
     const double change = difference(m, t->last_middle, p);

@@ -238,8 +238,8 @@ def allowance(m, moved, sigma, n, p, t):
     """Return what a residual may be by motion alone: other scales since the bias was learned, other times of sampling.
 
     m : the middle; moved : since the biases were learned; sigma : noise
-    The first change of the middle after another number of channels, a middle off the majority or a stop is none of
-    the aircraft.
+    A change to a middle that is not that of a majority, and the first one after another number of channels or a stop,
+    are none of the aircraft.
     """
     change = difference(m, t["last_middle"], p["wraps"])
     t["last_middle"], t["change"] = m, change
