@@ -387,7 +387,7 @@ def test_settings_out_of_range_are_refused(tests: dict[str, Any], says: str):
 @pytest.mark.parametrize(
     ("tests", "says"),
     [
-        ({}, "slow_tests: needs noise_std, the noise of a sample, above 0: the sensor states none"),
+        ({}, "slow_tests: needs noise_std, the noise of a sample, above 0; no sensor states it"),
         ({"noise_std": 1.0, "bias_tolerance": 1.0}, "biases are learned up to 2 bias_tolerance, 2; this must be"),
     ],
 )

@@ -319,8 +319,11 @@ def test_a_log_keeps_the_slow_tests_that_it_flew_with(given: str):
     assert kept == flown.redundancy.signals.pitch_rate.slow_tests and (kept is None) == (given == "false")
 
 
-def test_slow_tests_that_are_true_are_refused_in_one_line():
+@pytest.mark.parametrize(
+    ("given", "got"), [("true", ", got True"), ("1", ", got 1"), ("'on'", ", got 'on'"), ("[]", "")]
+)
+def test_slow_tests_that_are_neither_a_table_nor_false_are_refused_in_one_line(given: str, got: str):
     with pytest.raises(
-        BadInput, match=r"redundancy\.signals\.pitch_rate\.slow_tests: must be a table, or false, got True$"
+        BadInput, match=rf"redundancy\.signals\.pitch_rate\.slow_tests: must be a table, or false{got}$"
     ):
-        load(None, ["redundancy.signals.pitch_rate.slow_tests=true"])
+        load(None, [f"redundancy.signals.pitch_rate.slow_tests={given}"])

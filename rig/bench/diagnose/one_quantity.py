@@ -165,8 +165,8 @@ def _tell_gaps(group: Group, c: int, missing: np.ndarray, found: Findings) -> No
     if long:
         first_s = float(group.time_s[long[0][0]] - group.time_s[0])
         found.remarks.append(
-            f"{group.instances[c].who} has no usable samples in {len(long)} gaps of more than {LASTS_S:g} s, the first "
-            f"{first_s:.2f} s after the first row"
+            f"{group.instances[c].who} has no usable samples in {len(long)} gap{'s' * (len(long) > 1)} of more than "
+            f"{LASTS_S:g} s, the first {first_s:.2f} s after the first row"
         )
 
 

@@ -79,7 +79,7 @@ class SignalConfig(Settings):
     @field_validator("slow_tests", mode="before")
     @classmethod
     def _switched_off(cls, given: Any) -> Any:
-        if given is True:
+        if given is True or not isinstance(given, dict | bool | SlowTests | None):
             raise ValueError("must be a table, or false")
         return None if given is False else given
 

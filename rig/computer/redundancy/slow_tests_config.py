@@ -58,7 +58,7 @@ def refusal(tests: SlowTests, threshold: float, sensor: DataSheet | None) -> str
     """Return why the tests cannot be run, "" if they can; threshold : least one of the signal."""
     sheet = tests.sheet(sensor)
     if not sheet.noise_std > 0.0:
-        return "slow_tests: needs noise_std, the noise of a sample, above 0: the sensor states none"
+        return "slow_tests: needs noise_std, the noise of a sample, above 0; no sensor states it"
     if BIAS * sheet.bias_tolerance >= threshold:
         return (
             f"slow_tests: biases are learned up to {BIAS:g} bias_tolerance, {BIAS * sheet.bias_tolerance:g}; "

@@ -103,7 +103,7 @@ def assemble(
     """
     names = list(names)
     if TIME not in names:
-        raise BadInput(f"{source}: no column {TIME!r}; there are: {shorten(', '.join(names))}; {WAY_OUT}")
+        raise BadInput(f"{source}: no column {TIME!r}; there are: {shorten(', '.join(names)) or 'none'}; {WAY_OUT}")
     chosen = voting or {}
     parsed = {name: _parse(source, name, chosen) for name in names if name != TIME}
     there: dict[str, list[int]] = {}
