@@ -115,7 +115,7 @@ def _show_recordings(result: dict[str, Any]) -> None:
     from rig.studies.benchmark.entrants import OURS
     from rig.studies.benchmark.outcome_table import DIFFERENCES, RECORDED
 
-    _show_losses(result["losses"])
+    _show_losses(result["losses"], "with --json")
     line(f"{result['hours']:.3g} h of data; each half calibrates to no false isolation, the other half tests")
     line(f"{result['recordings']} recordings; intervals count trials as independent, those of one recording are alike")
     false = Counter[str]()
@@ -158,13 +158,13 @@ def _show(result: dict[str, Any]) -> None:
         line(sentence)
 
 
-def _show_losses(losses: Sequence[str]) -> None:
-    """Print where the built-in manager loses, the largest first."""
+def _show_losses(losses: Sequence[str], rest: str = "in result.json, losses") -> None:
+    """Print where the built-in manager loses, the largest first; rest : where those are that are not printed."""
     line("where the built-in manager loses, and by how much")
     for sentence in losses[:_AT_ONCE]:
         line(f"  {sentence}")
     if len(losses) > _AT_ONCE:
-        line(f"  {len(losses) - _AT_ONCE} more in result.json, losses")
+        line(f"  {len(losses) - _AT_ONCE} more {rest}")
     line()
 
 
