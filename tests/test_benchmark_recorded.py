@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from rig.cli.benchmark import _show_recordings
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark import injected
@@ -163,3 +164,12 @@ def test_a_benchmark_without_anything_says_what_is_needed(rig_command: Any):
     code, _, err = rig_command("benchmark")
     needs = "CAMPAIGN: missing; a benchmark needs CAMPAIGN, --healthy and --out, or --recordings with --config"
     assert code == 2 and needs in err
+
+
+def test_what_is_printed_names_the_number_of_recordings_and_where_the_other_losses_are(
+    capsys: pytest.CaptureFixture[str],
+):
+    empty: dict[str, list[Any]] = {"levels": [], "table": [], "differences": []}
+    _show_recordings({"losses": ["LOSS"] * 30, "hours": 0.1, "recordings": 2, **empty})
+    said = capsys.readouterr().out
+    assert "6 more with --json" in said and "2 recordings; intervals count trials as independent" in said

@@ -339,6 +339,17 @@ def test_tests_with_which_held_out_flights_exceed_the_budget_are_left_out_if_the
         assert written == {"noise_std": 1.0, "bias_tolerance": 0.1, **found["signals"]["gyro"]["slow_tests"]["keys"]}
 
 
+@pytest.mark.parametrize(("frames", "weak"), [("4", False), ("150", True)])
+def test_a_design_that_isolates_less_than_half_of_the_injected_faults_is_told(
+    recorded: Any, rig_command: Command, frames: str, weak: bool
+):
+    """A miscompare of 1.5 s isolates no channel in the second that an offset may take."""
+    wanted = recorded(default={})[:-1]
+    wanted[wanted.index("--persistence") + 1] = frames
+    found = json.loads(rig_command("thresholds", *wanted, "--json")[1])
+    assert any("the design isolates only" in note for note in found["notes"]) is weak
+
+
 BAD: dict[str, tuple[dict[str, Any], str]] = {
     "no signal states its noise": ({"default": {}}, "--slow-tests: no signal states slow_tests.noise_std, the noise"),
     "a factor below 1": (

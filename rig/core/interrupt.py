@@ -24,7 +24,7 @@ class Terminated(SystemExit):
     """The end by SIGTERM or SIGHUP: it is no error of the code that it interrupts, unlike another SystemExit."""
 
 
-SIGNALLED: Final = (KeyboardInterrupt, Terminated)  # whoever handles the exceptions of a user's code lets these pass
+SIGNALLED: Final = (KeyboardInterrupt, Terminated)  # no handler of the exceptions of a user's code stops these
 
 
 class Stop:

@@ -143,7 +143,10 @@ static int watch(const struct frame *f, params *p, struct signal *s)
 
 void slow_watch(struct frame *f, params *p, struct signal *s)
 {
-    const int slow = (f->decided_by == RIG_DECIDED_BY_COMMON) ? NO_CHANNEL : watch(f, p, s);
+    if (f->decided_by == RIG_DECIDED_BY_COMMON) {
+        return;
+    }
+    const int slow = watch(f, p, s);
     const unsigned tested = tests_watch(f, p, s);
     if (slow != NO_CHANNEL) {
         s->latches.failed[slow] = true;

@@ -289,7 +289,7 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     if (!tests_run(t)) {
         return 0U;
     }
-    const bool stops = (f->decided_by == RIG_DECIDED_BY_COMMON) || (f->n < 2) || !s->split.whole;
+    const bool stops = (f->n < 2) || !s->split.whole;
     const double m = stops ? (double)NAN : tests_middle(f, t);
     if (!isfinite(m) || tests_is_cut(m, p, t)) { /* not finite, too: differences near the largest number */
         t->second.turns = 0;

@@ -18,7 +18,7 @@ from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
 from rig.computer.redundancy.quiet import is_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
-from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow, stopped
+from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference, limit
@@ -177,10 +177,13 @@ def latch_all(decided_by, slow, p, st):
 
 @kernel
 def slow_of(decided_by, reference, n, p, st):
-    """Return the channels that the sums and the tests of small deviations fail, a bit each; none in a common mode."""
+    """Return the channels that the sums and the tests of small deviations fail, a bit each.
+
+    None where a common mode has failed all channels; what is learned is forgotten when one is readmitted.
+    """
     st["tests"]["by"] = DecidedBy.NONE.value
     if decided_by == DecidedBy.COMMON:
-        return stopped(st["tests"])
+        return 0
     summed = slow_faults.NO_CHANNEL
     if p["slow_limit"] > 0.0 and n > 2:
         m = slow_faults.summed_from(n, reference, p, st)
