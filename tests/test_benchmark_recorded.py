@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from scipy.stats import ttest_1samp
 
 from rig.cli.benchmark import _show_recordings
 from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark import injected
+from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.entrants import BUILT_IN, OURS, TESTS, TESTS_AND_SUMS, entrants
 from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, benchmark
+from rig.studies.benchmark.outcome_table import RECORDING, differences
 from rig.studies.thresholds.data import Data, load
 from rig.studies.thresholds.design import DataBlock
 from rig.studies.thresholds.tradeoff import pieces
@@ -131,6 +134,29 @@ def test_a_tuned_manager_gets_a_bias_and_a_persistence_where_channels_differ(tmp
     assert {row["place"] for row in found["table"]} == {"alone"} and found["silent"] == []
 
 
+def test_pieces_name_the_recording_that_each_is_of(data: Data):
+    cut = pieces(data.signals["x"], PIECES, BEFORE_S)
+    assert cut is not None and np.array_equal(cut.flight, np.repeat(np.arange(4), PIECES // 4))
+
+
+def test_a_difference_in_one_of_four_recordings_is_none_of_the_managers():
+    """Forty trials, of which ten, all of one recording, are isolated by the other manager alone: 0.25 apart."""
+    at = np.arange(40)
+    plain = {"combination": 0, "trial": at, "signal": "x", "place": "alone", "kind": "stuck", "faults": 1}
+    plain |= {"size": None, "reference": "absent", "budget_per_h": 0.0, "delay_s": 0.1, "peak": None}
+    of = {"median": at < 20, OURS: (at >= 10) & (at < 20)}
+    made = [
+        typed(plain | {"manager": name, "outcome": np.where(isolated, "isolated", "missed")})
+        for name, isolated in of.items()
+    ]
+    rows = pl.concat(made)
+    (by_trial, *_), recorded = differences(rows), rows.with_columns(pl.Series(RECORDING, np.tile(at // 10, 2)))
+    (row, *_) = differences(recorded)
+    assert by_trial["value"] == row["value"] == 0.25
+    assert by_trial["low"] > 0.0 > row["low"] and by_trial["p_value"] < 0.01
+    assert row["p_value"] == pytest.approx(ttest_1samp([1.0, 0.0, 0.0, 0.0], 0.0)[1])
+
+
 def test_pieces_begin_ten_seconds_ahead_of_the_fault(data: Data):
     cut = pieces(data.signals["x"], PIECES, BEFORE_S)
     assert cut is not None and cut.onset == 500 and cut.samples.shape == (PIECES, 901, 4)
@@ -172,4 +198,4 @@ def test_what_is_printed_names_the_number_of_recordings_and_where_the_other_loss
     empty: dict[str, list[Any]] = {"levels": [], "table": [], "differences": []}
     _show_recordings({"losses": ["LOSS"] * 30, "hours": 0.1, "recordings": 2, **empty})
     said = capsys.readouterr().out
-    assert "6 more with --json" in said and "2 recordings; intervals count trials as independent" in said
+    assert "6 more with --json" in said and "2 recordings; trials of one are alike" in said

@@ -2,12 +2,21 @@
 
 import numpy as np
 import pytest
+import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 from scipy.stats import poisson as poisson_law
 
-from rig.studies.campaign.statistics import detectable, mcnemar, median_interval, paired_difference, poisson, proportion
+from rig.studies.campaign.statistics import (
+    clustered_difference,
+    detectable,
+    mcnemar,
+    median_interval,
+    paired_difference,
+    poisson,
+    proportion,
+)
 
 
 @pytest.mark.parametrize(
@@ -124,6 +133,38 @@ def test_a_paired_difference_is_wald_of_the_table_with_half_a_trial_more_in_each
     assert found.value == pytest.approx(scores.mean())
     assert (found.low, found.high) == (pytest.approx(mean - half), pytest.approx(mean + half))
     assert found.low < found.value < found.high or found.value == 0.0
+
+
+def test_equal_clusters_have_the_interval_of_the_t_distribution_of_their_means():
+    # Means 0.6, 0.1, 0.4, 0.3 of ten trials each: mean 0.35, s 0.2082, t of 3 degrees of freedom 3.1824.
+    first = np.concatenate([np.arange(10) < 10 * share for share in (0.6, 0.1, 0.4, 0.3)])
+    found, p = clustered_difference(first, np.zeros(40, bool), np.repeat([7, 3, 5, 1], 10))
+    half = 3.18244631 * np.std([0.6, 0.1, 0.4, 0.3], ddof=1) / 2.0
+    assert found == pytest.approx((0.35, 0.35 - half, 0.35 + half), rel=1e-6)
+    assert p == pytest.approx(scipy.stats.ttest_1samp([0.6, 0.1, 0.4, 0.3], 0.0)[1])
+
+
+def test_trials_that_are_no_more_alike_than_others_have_the_wider_interval_of_independent_ones():
+    first = np.tile([True, False], 20)
+    found, p = clustered_difference(first, ~first, np.repeat(np.arange(20), 2))
+    assert (found, p) == (paired_difference(first, ~first), mcnemar(first, ~first).p_value)
+
+
+def test_one_cluster_bounds_nothing():
+    found, p = clustered_difference(np.ones(50, bool), np.zeros(50, bool), np.zeros(50, np.int64))
+    assert found == (1.0, -1.0, 1.0) and p == 1.0
+
+
+def test_an_interval_over_clusters_holds_as_often_as_it_says_where_that_of_trials_does_not():
+    rng, held, by_trial = np.random.default_rng(11), 0, 0
+    for _ in range(1000):
+        share = np.repeat(rng.uniform(0.2, 0.8, 12), 30)  # of a cluster: a mean of 0.5
+        first, second = rng.random(360) < share, rng.random(360) < 0.5
+        found, _ = clustered_difference(first, second, np.repeat(np.arange(12), 30))
+        alone = paired_difference(first, second)
+        held, by_trial = held + (found.low <= 0.0 <= found.high), by_trial + (alone.low <= 0.0 <= alone.high)
+    assert 940 <= held <= 970
+    assert by_trial < 800
 
 
 @pytest.mark.parametrize(("n", "first"), [(5, None), (6, 1), (9, 2), (25, 8), (100, 40)])  # of ordered values: tables

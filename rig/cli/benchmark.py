@@ -117,7 +117,7 @@ def _show_recordings(result: dict[str, Any]) -> None:
 
     _show_losses(result["losses"], "with --json")
     line(f"{result['hours']:.3g} h of data; each half calibrates to no false isolation, the other half tests")
-    line(f"{result['recordings']} recordings; intervals count trials as independent, those of one recording are alike")
+    line(f"{result['recordings']} recordings; trials of one are alike, so the intervals are over recordings")
     false = Counter[str]()
     for row in result["levels"]:
         false[row["manager"]] += row["false"]

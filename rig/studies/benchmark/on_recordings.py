@@ -3,7 +3,7 @@
 Recordings are too short for a false-isolation rate.  Every second recording calibrates; the others are tested with a
 fault in one channel; then the halves change places.  A piece begins BEFORE_S before the fault, so that a manager that
 learns has learned.  The faults are those of the trade-off of ``rig thresholds``; their sizes follow the motion of the
-signal.  There is no reference.
+signal.  There is no reference.  Trials of one recording are alike, so intervals count recordings.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rig.studies.benchmark.entrants import (
 from rig.studies.benchmark.fault_places import ALONE
 from rig.studies.benchmark.healthy_flights import first_enough, flights_failing, isolations, scaled
 from rig.studies.benchmark.injected import BEFORE_S, became, flights_of, isolated, with_faults
-from rig.studies.benchmark.outcome_table import differences, table
+from rig.studies.benchmark.outcome_table import RECORDING, differences, table
 from rig.studies.benchmark.ranking import losses
 from rig.studies.benchmark.second_knobs import choices_of
 from rig.studies.thresholds.data import Data
@@ -80,7 +80,7 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
                 false = isolations(entrant, signal, values[entrant.name], flights_of(tested))
                 levels_of = {key: value for key, value in values[entrant.name].items() if _is_number(value)}
                 told.append({"signal": name, "half": half, "manager": entrant.name, "told": levels_of, "false": false})
-            found += _trials(entrants, signal, values, tested, 2 * place + half)
+            found += _trials(entrants, signal, values, tested, (2 * place + half, 1 - half))
     if not found:
         raise BadInput(f"--recordings: every recording is shorter than a trial of {BEFORE_S + LATER_S:g} s")
     trials = pl.concat(found)
@@ -237,20 +237,21 @@ def _trials(
     signal: OfSignal,
     values: dict[str, dict[str, Any]],
     blocks: Sequence[DataBlock],
-    part: int,
+    part: tuple[int, int],
 ) -> Iterator[pl.DataFrame]:
-    """Yield the rows of each fault and manager; part : number of the signal and half."""
+    """Yield the rows of each fault and manager; part : number of the signal and half, and of its first recording."""
     cut = pieces(blocks, PIECES, BEFORE_S)
     if cut is None:
         return
+    recording = pl.Series(RECORDING, part[1] + 2 * cut.flight)
     for number, (name, samples) in enumerate(with_faults(cut, blocks, signal)):
         for entrant in entrants:
             outcome, delay_s = became(entrant, signal, values[entrant.name], cut, samples)
             columns = {
-                "combination": 100 * part + number,
+                "combination": 100 * part[0] + number,
                 "trial": np.arange(len(samples)),
                 **{"signal": signal.name, "place": ALONE, "kind": name, "faults": 1, "size": None},
                 "reference": "absent",
                 **{"budget_per_h": 0.0, "manager": entrant.name, "outcome": outcome, "delay_s": delay_s, "peak": None},
             }
-            yield typed(columns)
+            yield typed(columns).with_columns(recording)

@@ -13,7 +13,13 @@ from rig.core.column import Column
 from rig.studies.benchmark.benchmark_trials import STATES
 from rig.studies.benchmark.entrants import DESIGNED
 from rig.studies.benchmark.fault_places import in_order
-from rig.studies.campaign.statistics import detectable, mcnemar, paired_difference
+from rig.studies.campaign.statistics import (
+    Difference,
+    clustered_difference,
+    detectable,
+    mcnemar,
+    paired_difference,
+)
 from rig.verdict.words import INJECTED, PRIOR
 
 ISOLATED: Final = pl.col("outcome") == "isolated"
@@ -24,6 +30,7 @@ GROUP: Final = ("reference", "signal", "place", "kind", "faults")
 SIZES: Final = (0.5, 0.95)
 BINS: Final = 8
 ALIKE: Final = 0.01  # thresholds: vote errors that differ by less count as equal
+RECORDING: Final = "recording"  # column of trials on recordings: those of one are alike
 _TRIAL: Final = ["combination", "trial", "reference"]
 
 
@@ -137,7 +144,7 @@ def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def differences(rows: pl.DataFrame, what: pl.Expr = ISOLATED) -> list[dict[str, Any]]:
-    """Return for each group and manager its share isolated minus the built-in manager's, 95 % interval and exact p.
+    """Return for each group and manager its share isolated minus the built-in manager's, 95 % interval and p-value.
 
     what : counted in each trial, true or false; in flights also whether the aircraft is lost
     ``built_in`` names the row that is compared with: as designed, with tests, with tests and sums.
@@ -159,16 +166,24 @@ def _differences(rows: pl.DataFrame, ours: str) -> Iterator[dict[str, Any]]:
     others = rows.filter(pl.col("manager") != ours).join(mine, on=_TRIAL, maintain_order="left")
     both = pl.concat([others, others.with_columns(pl.lit(ALL).alias("kind"))])
     for key, part in both.group_by([*GROUP, "manager"], maintain_order=True):
-        first, second = part["_what"].to_numpy(), part["built_in"].to_numpy()
+        difference, p_value = _difference(part, "_what", "built_in")
         yield {
             "built_in": ours,
             **dict(zip((*GROUP, "manager"), key, strict=True)),
             "trials": len(part),
-            **paired_difference(first, second)._asdict(),
-            "p_value": mcnemar(first, second).p_value,
-            "harmed": paired_difference(part["_harmed"].to_numpy(), part["harmed_built_in"].to_numpy())._asdict(),
+            **difference._asdict(),
+            "p_value": p_value,
+            "harmed": _difference(part, "_harmed", "harmed_built_in")[0]._asdict(),
             **_votes(part),
         }
+
+
+def _difference(part: pl.DataFrame, first: str, second: str) -> tuple[Difference, float]:
+    """Return the difference of two columns, and its p-value; of recordings by recording."""
+    one, other = part[first].to_numpy(), part[second].to_numpy()
+    if RECORDING in part.columns:
+        return clustered_difference(one, other, part[RECORDING].to_numpy())
+    return paired_difference(one, other), mcnemar(one, other).p_value
 
 
 def _votes(part: pl.DataFrame) -> dict[str, Any]:

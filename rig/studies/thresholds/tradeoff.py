@@ -55,6 +55,7 @@ class Pieces:
     onset: int
     rate_hz: float
     first: NDArray[Any] | None = None  # (R,) states of the manager that have learned; None: those of a start
+    flight: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (R,) that each is of, if known
 
     def short(self) -> Pieces:
         """Return the pieces cut to the length that an offset needs."""
@@ -110,7 +111,7 @@ def pieces(
     if given is not None and given.slow_tests is not None:
         before = [flights[f].samples[:, :k] for f, k in zip(flight, start, strict=True)]
         first = learned(before, given, samples.shape[2], rate)
-    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, first)
+    return Pieces(samples, np.arange(count) % samples.shape[2], onset, rate, first, flight)
 
 
 def tradeoff(cut: Pieces, design: Design, given: RecordedSignal, motion: float) -> Tradeoff:
