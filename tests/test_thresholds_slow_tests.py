@@ -46,6 +46,7 @@ from rig.studies.thresholds.slow_test_factors import (
 Command = Callable[..., tuple[int, str, str]]
 SIGMA, THRESHOLD, RATE = 0.01, 1.0, 100.0
 GIVEN = SlowTests(noise_std=SIGMA, bias_tolerance=0.1)
+MOVED = 0.8 * SIGMA  # a frame
 SEEDS = range(max(3, round(9 / FEWER)))
 
 
@@ -64,7 +65,7 @@ def of(shares: tuple[float, float, float], errors: dict[int, float] | None = Non
     made = np.zeros(BINS)
     for b, error in (errors or {}).items():
         made[b] = error
-    return Measured(np.array(shares), made, SIGMA)
+    return Measured(np.array(shares), made, SIGMA, 0.0)
 
 
 def test_white_noise_stays_below_the_bare_limits_and_its_noise_is_measured():
@@ -170,31 +171,33 @@ def test_amounts_are_told_in_the_unit_of_the_signal():
 def moved(r: float, at: Limits, frames: int) -> int | None:
     """The definition of the three means in the page, frame by frame, without noise."""
     means, squares = {16.0: 0.0, 100.0: 0.0}, 0.0
-    bounds = {16.0: at.fast, 100.0: at.slow}
+    bounds, bursts = {16.0: at.fast, 100.0: at.slow}, {16.0: 14.0, 100.0: 20.0}
     for n in range(1, frames + 1):
         for length, bound in bounds.items():
-            means[length] += (min(r, bound / (1.0 - exp(-14.0 / length))) - means[length]) / length
-        squares += (min(r * r, at.square / (1.0 - exp(-14.0 / 128.0))) - squares) / 128.0
+            means[length] += (min(r, bound / (1.0 - exp(-bursts[length] / length))) - means[length]) / length
+        squares += (min(r * r, at.square / (1.0 - exp(-20.0 / 128.0))) - squares) / 128.0
         if any(means[length] > bound for length, bound in bounds.items()) or squares > at.square:
             return n
     return None
 
 
+@pytest.mark.parametrize("allowed", [0.0, 0.8])
 @pytest.mark.parametrize("z", [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 6.0, 30.0, 1e9])
-def test_the_delay_in_closed_form_is_that_of_the_means_frame_by_frame(z: float):
+def test_the_delay_in_closed_form_is_that_of_the_means_frame_by_frame(z: float, allowed: float):
     at = limits(SlowTests(factor=1.2, squares_factor=1.5))
-    told = offset_frames(z, at, 4)
-    expected = moved(z - min(0.25 * z, 0.423), at, 5000)
-    assert (told is None) == (expected is None) == (z < smallest(at, 4))
+    told = offset_frames(z, at, 4, allowed)
+    expected = moved(max(z - min(0.25 * z, 0.423) - allowed, 0.0), at, 5000)
+    assert (told is None) == (expected is None) == (z < smallest(at, 4, allowed))
     if told is not None and expected is not None:
         assert abs(told - expected) <= 1 and told >= 14
 
 
-def trial(seed: int, fault: Any, channels: int) -> int | None:
-    """Frames until the faulty channel is isolated after 25 s of learning."""
+def trial(seed: int, fault: Any, channels: int, moved: float = 0.0, **sensor: float) -> int | None:
+    """Frames until the faulty channel is isolated after 25 s of learning, while all move by ``moved`` a frame."""
     samples, onset = noise(seed, 2500 + len(fault), channels), 2500
     samples[onset:, 1] += fault
-    tests = {"noise_std": SIGMA, "bias_tolerance": 0.1, "factor": 1.1}
+    samples += moved * np.arange(len(samples))[:, None]
+    tests = {"noise_std": SIGMA, "bias_tolerance": 0.1, "factor": 1.1, **sensor}
     failed = vote_samples(samples, threshold=THRESHOLD, slow_tests=tests, channels=channels).failed_at()
     assert all(failed[c] is None for c in range(channels) if c != 1)
     return None if failed[1] is None else failed[1] - onset
@@ -207,6 +210,33 @@ def test_the_delay_of_an_offset_is_that_of_trials(z: float, channels: int):
     assert told is not None
     delay = np.median([trial(seed, np.full(2 * told + 20, z * SIGMA), channels) or np.inf for seed in SEEDS])
     assert 0.6 * told - 2 <= delay <= 1.4 * told + 4, (told, delay)
+
+
+@pytest.mark.parametrize("z", [2.5, 4.0, 30.0])
+def test_the_delay_of_an_offset_in_motion_is_that_of_trials(z: float):
+    """Channels that may be sampled a frame apart: what may come of the motion is taken off."""
+    allowed = MOVED / SIGMA
+    told = offset_frames(z, limits(SlowTests(factor=1.1)), 4, allowed)
+    assert told is not None
+    fault = np.full(2 * told + 20, z * SIGMA)
+    delay = np.median([trial(seed, fault, 4, MOVED, skew_frames=1.0) or np.inf for seed in SEEDS])
+    assert 0.6 * told - 2 <= delay <= 1.4 * told + 4, (told, delay)
+    at = limits(SlowTests(factor=1.1))
+    assert smallest(at, 4, allowed) == pytest.approx(min(at.slow, sqrt(at.square)) + allowed + 0.423)
+
+
+def test_the_allowance_of_a_design_is_what_the_data_move_by():
+    sensor = SlowTests(noise_std=SIGMA, bias_tolerance=0.1, skew_frames=0.5)
+    (params,) = parameters(RecordedSignal(threshold=THRESHOLD), 4, RATE)
+    samples = noise(3, 6000) + MOVED * np.arange(6000)[:, None]
+    found = watched((samples, None), params, bare_tests(sensor))
+    assert found.allowance == pytest.approx(0.5 * MOVED, rel=0.25)  # of the largest mean rate of the last second
+    made = slow_design([found], sensor, (THRESHOLD, 4), RATE)
+    assert made.allowance == found.allowance
+    assert made.delays.smallest is not None and made.in_motion.smallest is not None
+    assert made.in_motion.smallest > made.delays.smallest
+    still = measured(noise(3, 6000))
+    assert still.allowance == 0.0  # without a skew or a scale in the data sheet
 
 
 @pytest.mark.parametrize("rate", [0.5, 2.0, 10.0])
@@ -267,20 +297,25 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., l
 
 def test_out_has_the_tests_beside_the_thresholds_and_is_accepted(recorded: Any, rig_command: Command):
     figures = {"noise_std": 1.0, "bias_tolerance": 0.1, "reference_error": 9.0}
-    wanted = recorded(default={"slow_tests": figures}, signal={"accel": {"slow_tests": {**figures, "factor": 7.0}}})
+    own = {**figures, "factor": 7.0, "skew_frames": 0.5}
+    wanted = recorded(default={"slow_tests": figures}, signal={"accel": {"slow_tests": own}})
     code, out, _ = rig_command("thresholds", *wanted, "--json", "--plot", "p.html")
     assert code == 0
     found, written = json.loads(out)["signals"], read_toml(Path("o.toml"))["signal"]
     for name in ("gyro", "accel"):
         keys = found[name]["slow_tests"]["keys"]
-        assert written[name]["slow_tests"] == {"noise_std": 1.0, "bias_tolerance": 0.1, **keys}
+        skew = {"skew_frames": 0.5} if name == "accel" else {}
+        assert written[name]["slow_tests"] == {"noise_std": 1.0, "bias_tolerance": 0.1, **skew, **keys}
         assert 1.1 <= keys["factor"] < 1.6 and 0 < keys["reference_error"] < 2.0
         assert found[name]["slow_tests"]["held_out_beyond"] == 0
     assert found["gyro"]["slow_tests"]["delay_s"]["offset"]["1"] < 1.0
-    assert "Slow-fault tests" in Path("p.html").read_text()
+    page = Path("p.html").read_text()
+    assert "Slow-fault tests" in page and page.count(">in motion</td>") == 1  # of accel, which has a skew
     assert rig_command("vote", "data/path_0.parquet", "--config", "o.toml", "--out", "v.csv")[0] == 0
     code, out, _ = rig_command("thresholds", *wanted)
     assert code == 0 and "slow-fault tests: factor on each limit" in out and "smallest isolated offset" in out
+    moving = out.partition("the same with the mean allowance for motion in the data\n")[2].partition("\n\n")[0]
+    assert "accel" in moving and "gyro" not in moving
 
 
 def test_thresholds_are_the_same_with_tests_and_without(recorded: Any, rig_command: Command):

@@ -10,7 +10,7 @@ from rig.studies.thresholds.data_check import SHARE
 from rig.studies.thresholds.design import Design, Grid, rounded_up
 from rig.studies.thresholds.design_signals import MARKED, RULE, Signal, extrapolation
 from rig.studies.thresholds.holdout import Count, total
-from rig.studies.thresholds.slow_test_delays import DRIFT, OFFSETS
+from rig.studies.thresholds.slow_test_delays import DRIFT, OFFSETS, Delays
 from rig.studies.thresholds.slow_test_factors import SlowDesign
 from rig.studies.thresholds.tradeoff import Tradeoff
 
@@ -70,7 +70,6 @@ def _signal(signal: Signal, budget_per_h: float) -> dict[str, Any]:
 
 def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
     """Return the design of slow-fault tests: keys, largest shares with reserves, and delays by size in thresholds."""
-    offsets = {f"{size:g}": delay_s for size, delay_s in zip(OFFSETS, tests.delays.offsets, strict=True)}
     return {
         "keys": tests.keys,
         "largest": tests.shares,
@@ -78,8 +77,17 @@ def of_slow_tests(tests: SlowDesign) -> dict[str, Any]:
         "held_out_beyond": tests.beyond,
         "flights": tests.flights,
         "noise": tests.noise,
-        "delay_s": {"offset": offsets, "drift": tests.delays.drift, "drift_per_s": DRIFT},
-        "smallest_offset": tests.delays.smallest,
+        **_delays(tests.delays),
+        "allowance": tests.allowance,
+        "in_motion": _delays(tests.in_motion),
+    }
+
+
+def _delays(of: Delays) -> dict[str, Any]:
+    offsets = {f"{size:g}": delay_s for size, delay_s in zip(OFFSETS, of.offsets, strict=True)}
+    return {
+        "delay_s": {"offset": offsets, "drift": of.drift, "drift_per_s": DRIFT},
+        "smallest_offset": of.smallest,
     }
 
 

@@ -8,7 +8,8 @@ frames.  It reaches the limit L in
 frames, and never if z <= L.  s is the largest step that counts; B is BURST for the fast mean, REMEMBERED for the
 others: no offset is isolated before BURST frames.
 The mean of squares begins at 1: z^2 and its own limit take their places.  The earliest of the three counts.
-The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOWS).
+The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOWS).  The
+allowance for motion (slow_tests.py) is taken off the residual.
 A drift is learned as a bias while every share is small, so its means are moved frame by frame.
 Added: docs/explanation/decisions.md, 'Slow-fault tests'.
 """
@@ -58,22 +59,29 @@ def limits(tests: SlowTests) -> Limits:
     return Limits(fast, slow, squares * sqrt(1.0 / SQUARE + 2.0 / KNOWN))
 
 
-def delays(tests: SlowTests, sheet: DataSheet, threshold: float, noise: float, fitted: tuple[int, float]) -> Delays:
+def delays(
+    tests: SlowTests,
+    sheet: DataSheet,
+    threshold: float,
+    noise: float,
+    fitted: tuple[int, float],
+    allowance: float = 0.0,
+) -> Delays:
     """Return the delays of a signal; of two channels there are none: halves of them need the reference.
 
-    threshold, noise : standard deviation that the channels have in common, unit of the signal
+    threshold, allowance, noise : standard deviation that the channels have in common, unit of the signal
     fitted : how many channels, and frames a second
     """
     channels, rate_hz = fitted
     if channels not in FOLLOWS:
         return Delays((None,) * len(OFFSETS), None, None)
-    at, unit = limits(tests), threshold / noise
-    offsets = [offset_frames(size * unit, at, channels) for size in OFFSETS]
+    at, unit, allowed = limits(tests), threshold / noise, allowance / noise
+    offsets = [offset_frames(size * unit, at, channels, allowed) for size in OFFSETS]
     most = round(MOST_S * rate_hz)
     bound = BIAS * sheet.bias_tolerance / noise
-    drift = drift_frames(DRIFT * unit / rate_hz, bound, at, channels, most)
+    drift = drift_frames(DRIFT * unit / rate_hz, bound, at, channels, most, allowed)
     in_s = [None if frames is None else frames / rate_hz for frames in (*offsets, drift)]
-    return Delays(tuple(in_s[:-1]), in_s[-1], smallest(at, channels) / unit)
+    return Delays(tuple(in_s[:-1]), in_s[-1], smallest(at, channels, allowed) / unit)
 
 
 def beside_median(z: float, channels: int) -> float:
@@ -82,16 +90,16 @@ def beside_median(z: float, channels: int) -> float:
     return z - min(share * z, most)
 
 
-def smallest(at: Limits, channels: int) -> float:
-    """Return the constant offset, units of noise, above which one is isolated."""
+def smallest(at: Limits, channels: int, allowed: float = 0.0) -> float:
+    """Return the constant offset above which one is isolated; it and ``allowed`` in units of noise."""
     share, most = FOLLOWS[channels]
-    r = min(at.fast, at.slow, sqrt(at.square))
+    r = min(at.fast, at.slow, sqrt(at.square)) + allowed
     return min(r / (1.0 - share), r + most)
 
 
-def offset_frames(z: float, at: Limits, channels: int) -> int | None:
+def offset_frames(z: float, at: Limits, channels: int, allowed: float = 0.0) -> int | None:
     """Return after how many frames a constant offset of ``z`` units of noise is isolated; None: it is not."""
-    r, steps = beside_median(z, channels), _steps(at)
+    r, steps = max(beside_median(z, channels) - allowed, 0.0), _steps(at)
     fast, slow = _frames(r, at.fast, steps.fast, FAST), _frames(r, at.slow, steps.slow, SLOW)
     soonest = min(fast, slow, _frames(r * r, at.square, steps.square, SQUARE))
     return None if soonest == inf else int(soonest)
@@ -110,15 +118,16 @@ def _frames(constant: float, limit: float, step: float, frames: float) -> float:
     return ceil(log(1.0 - limit / counted) / log(1.0 - 1.0 / frames)) if counted > limit else inf
 
 
-def drift_frames(rate: float, bound: float, at: Limits, channels: int, most: int) -> int | None:
+def drift_frames(rate: float, bound: float, at: Limits, channels: int, most: int, allowed: float = 0.0) -> int | None:
     """Return after how many frames a drift of ``rate`` units of noise a frame is isolated; None: not within ``most``.
 
-    bound : of a bias, the same units
+    bound : of a bias, units of noise, as ``allowed``
     """
     fast = slow = square = bias = 0.0
     steps = _steps(at)
     for n in range(1, most + 1):
-        r = beside_median(rate * n - bias, channels)
+        whole = beside_median(rate * n - bias, channels)
+        r = max(whole - allowed, 0.0)
         fast += (min(r, steps.fast) - fast) / FAST
         slow += (min(r, steps.slow) - slow) / SLOW
         square += (min(r * r, steps.square) - square) / SQUARE
@@ -126,5 +135,5 @@ def drift_frames(rate: float, bound: float, at: Limits, channels: int, most: int
         if share > 1.0:
             return n
         if share < CALM:
-            bias = min(bias + min(r, steps.fast) / LEARNING, bound)
+            bias = min(bias + min(whole, steps.fast + allowed) / LEARNING, bound)
     return None

@@ -26,6 +26,7 @@ from rig.computer.redundancy.slow_tests_config import SlowTests, tests_params
 from rig.computer.redundancy.state import new_state
 from rig.core.kernels import long_kernel
 from rig.core.threads import heed
+from rig.core.units.angles import difference
 from rig.studies.thresholds.design import rounded_up
 from rig.studies.thresholds.residual_series import ILM, VALID, wide
 from rig.studies.thresholds.slow_test_delays import Delays, delays
@@ -51,14 +52,16 @@ DIGITS: Final = 3
 
 
 class Measured(NamedTuple):
-    """A flight's largest shares (3,) in the order of FACTORS, its reference's errors (BINS,), and the noise.
+    """A flight's largest shares (3,) in the order of FACTORS, its reference's errors (BINS,), noise and allowance.
 
-    errors : largest by rate of motion, unit of the signal; 0: none; noise : mean standard deviation, the same unit
+    errors : largest by rate of motion, unit of the signal; 0: none
+    noise, allowance : mean standard deviation, and mean allowance for motion, the same unit
     """
 
     shares: Floats
     errors: Floats
     noise: float
+    allowance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +73,9 @@ class SlowDesign:
     beyond: int | None  # held-out flights beyond the factors of the others; None: one flight alone
     flights: int
     noise: float
+    allowance: float
     delays: Delays
+    in_motion: Delays  # with that allowance
 
     @property
     def reserves(self) -> dict[str, float | None]:
@@ -93,7 +98,7 @@ class SlowDesign:
     def in_unit(self, scale: float) -> SlowDesign:
         """Return the design in a unit that is ``scale`` of this one."""
         keys = {key: _rounded(value / scale) if key == "reference_error" else value for key, value in self.keys.items()}
-        return replace(self, keys=keys, noise=self.noise / scale)
+        return replace(self, keys=keys, noise=self.noise / scale, allowance=self.allowance / scale)
 
 
 def watched(flight: tuple[Floats, Floats | None], params: Any, tests: Mapping[str, Any]) -> Measured:
@@ -109,12 +114,13 @@ def watched(flight: tuple[Floats, Floats | None], params: Any, tests: Mapping[st
     tested = bare.copy()
     for name, value in tests.items():
         tested[name] = value
-    shares, errors, noise = np.zeros(len(FACTORS)), np.zeros(BINS), np.zeros(2)
+    shares, errors, noise = np.zeros(len(FACTORS)), np.zeros(BINS), np.zeros(3)
     reference = np.full(len(samples), np.nan) if reference is None else np.ascontiguousarray(reference)
     width, given = BIN * float(params["threshold"]), (VALID, ILM)
     state, out = new_state(bare), (shares, errors, noise)
     _watch(np.ascontiguousarray(samples), reference, given, (bare, tested), state, width, out)
-    return Measured(shares * factors, errors, float(noise[0] / max(noise[1], 1.0)))
+    deviation, allowance = (float(total) for total in noise[:2] / max(noise[2], 1.0))
+    return Measured(shares * factors, errors, deviation, allowance)
 
 
 def settled(
@@ -153,10 +159,11 @@ def slow_design(
     beyond = None
     if all(halves):
         beyond = sum(_beyond(keys_of(one, threshold, reserve), other) for one, other in (halves, halves[::-1]))
-    noise = float(np.median([flight.noise for flight in flights]))
-    made = given.model_copy(update=keys)
-    told = delays(made, made.sheet(None), threshold, max(noise, 1e-300), (channels, rate_hz))
-    return SlowDesign(keys, dict(zip(FACTORS, largest, strict=True)), beyond, len(flights), noise, told)
+    noise, allowance = (float(np.median(of)) for of in zip(*(flight[2:] for flight in flights), strict=True))
+    tests = given.model_copy(update=keys)
+    sensor = (tests, tests.sheet(None), threshold, max(noise, 1e-300), (channels, rate_hz))
+    told = (noise, allowance, delays(*sensor), delays(*sensor, allowance))
+    return SlowDesign(keys, dict(zip(FACTORS, largest, strict=True)), beyond, len(flights), *told)
 
 
 def keys_of(flights: Sequence[Measured], threshold: float, reserve: float = RESERVE) -> dict[str, float]:
@@ -189,7 +196,7 @@ def _rounded(value: float) -> float:
 
 @long_kernel
 def _watch(samples, reference, given, params, state, width, out):
-    """Write the largest shares and errors of a flight, and the sum of its noise with the count of frames.
+    """Write the largest shares and errors of a flight, and the sums of its noise and allowance, and of frames.
 
     width : of a bin, changes of a frame
     """
@@ -203,7 +210,9 @@ def _watch(samples, reference, given, params, state, width, out):
             continue
         variance = max(t["noise"], t["shaken"], q["slow_noise"] ** 2)
         noise[0] += np.sqrt(variance)
-        noise[1] += 1.0
+        moved = abs(difference(t["last_middle"], t["usual_middle"], p["wraps"]))
+        noise[1] += 2.0 * q["slow_scale"] * moved + q["slow_skew"] * t["motion"]
+        noise[2] += 1.0
         for c in range(p["fitted"]):
             means = max(abs(t["fast"][c]) / t["fast_limit"], abs(t["slow"][c]) / t["slow_limit"])
             shares[0] = max(shares[0], means)

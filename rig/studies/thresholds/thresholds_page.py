@@ -61,17 +61,25 @@ def _tests_row(name: str, tests: dict[str, Any], unit: str | None) -> dict[str, 
     """Return the design of a signal's slow-fault tests, as the page tells it."""
     keys, beyond = tests["keys"], tests["held_out_beyond"]
     reserves = {key: "" if reserve is None else f" x {reserve:.2f}" for key, reserve in tests["reserve"].items()}
-    delays = [*tests["delay_s"]["offset"].values(), tests["delay_s"]["drift"]]
     error = keys.get("reference_error")
-    smallest = tests["smallest_offset"]
     return {
         "signal": name,
-        "smallest": "none" if smallest is None else f"{smallest:.3f}",
         "factors": [f"{keys[key]:.3g} ({tests['largest'][key]:.2f}{by})" for key, by in reserves.items()],
         "reference": "-" if error is None else f"{error:.3g} {unit or ''} + {keys['reference_frames']:.3g} frames",
         "beyond": "-" if beyond is None else f"{beyond} of {tests['flights']}",
-        "delays": ["none" if delay is None else f"{delay:.2f} s" for delay in delays],
+        "delays": _delays(tests),
+        "in_motion": _delays(tests["in_motion"]) if tests["allowance"] > 0.0 else [],
     }
+
+
+def _delays(tests: dict[str, Any]) -> list[str]:
+    """Return the smallest isolated offset, and the delays of all sizes and of the drift."""
+    smallest, delay_s = tests["smallest_offset"], tests["delay_s"]
+    delays = [*delay_s["offset"].values(), delay_s["drift"]]
+    return [
+        "none" if smallest is None else f"{smallest:.3f}",
+        *("none" if delay is None else f"{delay:.2f} s" for delay in delays),
+    ]
 
 
 def _chosen(signal: dict[str, Any]) -> Design:
