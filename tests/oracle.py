@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import inf
 from statistics import median
 
 from oracle_answers import Settings, View, first_answer
@@ -89,8 +90,9 @@ class Oracle:
         if self.level != level:
             self.references.level_changed(decided_by == "extremes" and self.split.settled(self.s) and self.level == 2)
         self.rise = 0.0 if self.vote is None else self.s.change(vote, self.vote)
-        self.vote = vote
-        self.smooth("vote", vote)
+        if view.use or self.vote is not None:  # until there is a sample there is nothing to hold
+            self.vote = vote
+            self.smooth("vote", vote)
         states = [self.state(c, view, wrong) for c in range(self.s.channels)]
         high, low = (sum(bit << i for i, bit in enumerate(reversed(byte))) for byte in self.trend.bits)
         usable, common = self.references.trusted and reference is not None, self.references.common
@@ -116,7 +118,7 @@ class Oracle:
         self, samples: list[float | None], ilm: Sequence[str], reference: float | None, lanes: Sequence[int]
     ) -> View:
         """The frame's comparable samples, those of an angle on the turn of the last vote."""
-        base = self.vote if self.vote is not None else next((x for x in samples if x is not None), 0.0)
+        base = self.first([x for x in samples if x is not None]) if self.vote is None else self.vote
         self.base, near = base, self.s.near
         here = {c: None if x is None else near(x, base) for c, x in enumerate(samples)}
         use = {c: x for c, x in here.items() if x is not None and c not in self.failed}
@@ -129,6 +131,17 @@ class Oracle:
         view.lanes, view.trend, view.rise, view.suspected = lanes, self.trend, self.rise, refs.suspected
         view.before, self.before = self.before, {c: x for c, x in here.items() if x is not None}
         return view
+
+    def first(self, samples: list[float]) -> float:
+        """What angles are taken near to while there is no vote: the sample that has least of the others opposite."""
+        base, least = 0.0, inf
+        for x in samples:
+            seen = [self.s.near(other, x) for other in samples] if self.s.turn else [x]
+            across = max(seen) - min(seen)
+            if least == inf or across < least - self.s.threshold:
+                self.reached("begun around the circle", least != inf)
+                base, least = x, across
+        return base
 
     def smooth(self, key: str | int, x: float | None) -> float | None:
         """The next value behind the filter, a share of the way to ``x``; it begins, after a gap too, at the vote's."""

@@ -184,6 +184,10 @@ class ResettableOracle(Oracle):
         frame = super().step(samples, *given)
         self.readmitted = False
         for c, x in enumerate(self.comparable):
-            agrees = x is not None and self.s.apart(self.memory[c], self.memory["vote"]) <= self.s.threshold
+            agrees = (
+                x is not None
+                and "vote" in self.memory
+                and self.s.apart(self.memory[c], self.memory["vote"]) <= self.s.threshold
+            )
             self.agreed[c] = self.agreed[c] + 1 if c in out and agrees else 0
         return frame

@@ -55,7 +55,8 @@ class SecondDifferences:
         self.product += (max(-most, min(most, d * turn)) - self.product) / 100.0
         rough, smooth = self.of_d / 2.0 + abs(self.product), self.of_d / 2.0 - abs(self.product)
         limit = 0.6 * self.s.slow_halves * sqrt(self.of_d * shared + usual**2)
-        found = abs(self.product) > max(floor, limit, smooth) and rough > usual * (1.0 + 0.85 * self.s.slow_halves)
+        healthy = max(usual, 6.0 * (2.0 * self.s.slow_noise) ** 2)
+        found = abs(self.product) > max(floor, limit, smooth) and rough > healthy * (1.0 + 0.85 * self.s.slow_halves)
         if not found or self.counted < 200 or learned < 500:
             return set()
         return {pair[0] if self.product > 0.0 else pair[1]}

@@ -58,6 +58,7 @@ class SlowTests:
         self.noise, self.usual, self.change, self.halves_noise = Mean(), Mean(), Mean(), Mean()
         self.v, self.last, self.reference_bias, self.run, self.begun = 0.0, 0.0, 0.0, 0, False
         self.vote, self.reference_vote = Mean(), 0.0
+        self.usual_change, self.reference_change, self.away = 0.0, 0.0, 0
         self.second = SecondDifferences(self.s)
 
     def begin(self, n: int) -> None:
@@ -123,7 +124,7 @@ class SlowTests:
     def stop(self, why: str) -> set[int]:
         """No test runs in this frame, and the next change of the middle is that of several frames."""
         self.rules.add(f"test: {why}")
-        self.second.straight = -1
+        self.away += 1
         return set()
 
     def at_end(self, view: View) -> bool:
@@ -147,31 +148,40 @@ class SlowTests:
 
     def allowance(self, m: float, sigma: float, odd: bool, n: int) -> float:
         """What motion alone may do to a residual; odd : the middle is not that of a majority."""
-        self.moved, self.last = self.s.change(m, self.last), m
+        self.moved, self.last = self.s.change(m, self.last) / (self.away + 1), m
         self.second.straight = 0 if odd else self.second.straight + 1
         if self.second.straight:
             self.v = max(abs(self.change.move(self.moved, 16)), 0.99 * self.v)
         if self.second.straight and n > 2:
             self.v = max(self.v, abs(self.moved) - 3.0 * sigma)
-        return 2.0 * self.s.slow_scale * abs(self.s.change(m, self.usual.value)) + self.s.slow_skew * self.v
+        if self.away:
+            self.away, self.second.straight = 0, 0
+        scale = 2.0 * self.s.slow_scale * abs(self.s.change(m, self.usual.value))
+        return scale + self.s.slow_skew * self.unlike(self.usual_change)
+
+    def unlike(self, learned_at: float) -> float:
+        """How far the motion may be from what it was while something was learned."""
+        if abs(self.change.value - learned_at) > self.v:
+            self.rules.add("test: straight on after a turn")
+        return max(self.v, abs(self.change.value - learned_at))
 
     def shares(self, residuals: dict[int, float], a: float, sigma: float) -> dict[int, float]:
         """The largest of the three, each as a share of its limit; the noise follows."""
         shares: dict[int, float] = {}
         self.of_means: dict[int, float] = {}
         square_limit = self.squares_limit
-        most = sigma**2 * (1.0 + square_limit / (1.0 - exp(-20.0 / 128.0)))
+        at_once, healthy = 1.0 + square_limit / (1.0 - exp(-20.0 / 128.0)), self.beside_median(sigma**2)
         for c, whole in residuals.items():
-            self.whole[c].move(min(whole**2, self.whole_of * most), min(self.k, 128))
+            self.whole[c].move(min(whole**2, self.whole_of * at_once * sigma**2), min(self.k, 128))
             r = less(whole, a)
             of: list[float] = []
             for mean, frames, burst in ((self.fast[c], 16.0, 14.0), (self.slow[c], 100.0, 20.0)):
                 limit = self.limit(frames, self.s.slow_means)
                 of.append(abs(mean.move(cut(r / sigma, limit / (1.0 - exp(-burst / frames))), frames)) / limit)
-            square = self.squares[c].move(min(r * r, most), min(self.k, 128))
+            square = self.squares[c].move(min(r * r, at_once * healthy), min(self.k, 128))
             of = of if self.k >= 200 else [0.0]
             self.of_means[c] = max(of)
-            shares[c] = max([*of, *([(square / sigma**2 - 1.0) / square_limit] if self.k >= 500 else [])])
+            shares[c] = max([*of, *([(square / healthy - 1.0) / square_limit] if self.k >= 500 else [])])
         ranked = sorted(self.whole[c].value for c in residuals)
         self.shaken = ranked[1] if len(ranked) > 2 else ranked[0]
         self.noise.move(self.shaken, min(self.k, 1000))
@@ -187,16 +197,22 @@ class SlowTests:
             self.rules.add("test: beside two that stand still")
             return set()
         by_means = shares[worst] == self.of_means[worst]
-        noisy = self.squares[worst].value > (2.0 * self.s.slow_noise) ** 2 * (1.0 + self.squares_limit)
         calm = sum(share < 0.5 * shares[worst] for share in shares.values())
-        alone = self.alone(calm, len(shares), by_means or noisy)
+        alone = self.alone(calm, len(shares))
         self.by = "slow_means" if by_means else "slow_squares"
         self.rules.add(f"test: one by {self.by}" if alone else "test: not alone")
         return {worst} if alone else set()
 
-    def alone(self, calm: int, n: int, beyond_the_sheet: bool) -> bool:
+    def alone(self, calm: int, n: int) -> bool:
         """Whether enough of ``n`` channels are calm."""
-        return calm > n / 2 or (n == 4 and calm == 2 and beyond_the_sheet)
+        return calm > n / 2 or (n == 4 and calm == 2)
+
+    def beside_median(self, variance: float) -> float:
+        """What a healthy residual's noise may be: the data sheet's, which the median follows, where all have less."""
+        least = (2.0 * self.s.slow_noise) ** 2 - variance / 4.0
+        if least > variance:
+            self.rules.add("test: noise of the data sheet")
+        return max(variance, least)
 
     def healthy(self, n: int) -> float:
         """Variance of D of healthy channels: the data sheet's where four have never shown it."""
@@ -210,7 +226,7 @@ class SlowTests:
     def error(self) -> float:
         """The healthy error of the reference."""
         moved = abs(self.vote.value - self.reference_vote)
-        return self.s.slow_reference + self.s.slow_reference_frames * self.v + moved
+        return self.s.slow_reference + self.s.slow_reference_frames * self.unlike(self.reference_change) + moved
 
     def halves(self, y: dict[int, float], rho: float | None, a: float) -> tuple[float, int, bool]:
         """Share of the way with the largest mean square, that way, and whether it is suspected."""
@@ -289,6 +305,7 @@ class SlowTests:
         self.weights += self.known_by(weight)
         share = weight / min(self.weights, 1000.0)
         self.usual.value += share * self.s.change(m, self.usual.value)
+        self.usual_change += share * (self.change.value - self.usual_change)
         bound = self.s.slow_bias + 1.6 * self.s.slow_scale * abs(self.usual.value)
         for c, x in y.items():
             self.bias[c] = cut(self.bias[c] + share * cut(x - m, most), bound)
@@ -297,4 +314,5 @@ class SlowTests:
             gain, most = 1.0 / min(self.reference_k + 1, 1000), self.s.reference_threshold
             self.reference_bias = cut(self.reference_bias + gain * rho, most)
             self.reference_vote += gain * (self.vote.value - self.reference_vote)
+            self.reference_change += gain * (self.change.value - self.reference_change)
             self.reference_k += 1

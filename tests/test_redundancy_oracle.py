@@ -105,7 +105,7 @@ def check(flight: Flight, name: str = "") -> set[str]:
         assert (out.state[k, s.channels :] == State.ABSENT).all()
         if s.turn:
             assert abs(np.sin((out.voted[k] - wanted.voted) / 2)) < 1e-9, (name, k)
-            oracle.vote = float(out.voted[k])  # the same turn for both
+            oracle.vote = None if oracle.vote is None else float(out.voted[k])  # the same turn for both
         else:
             assert near(out.voted[k], wanted.voted), (name, k)
     return reached
@@ -176,6 +176,7 @@ OF_SLOW_TESTS = (
     "test: near an end of the range",
     *("test: a channel is missing", "test: a median off the majority", "test: halves of which four were never in use"),
     *("test: learned again after a reset", "slow beside the tests"),
+    *("test: straight on after a turn", "test: noise of the data sheet"),
 )
 OF_PAIRS = (
     *("the pair of extremes cut", "reference not monitored by a suspected pair", "both of a pair wrong by trend"),
@@ -204,7 +205,7 @@ FAMILIES: dict[str, tuple[Callable[[Flight, Pick], Flight], int, tuple[str, ...]
 }
 RARE = {  # seeds beyond the first of a family, that reach the rules which those do not reach
     "drawn evenly": (252, 1028),
-    "slow-fault tests": (10, 12, 18, 22, 29, 40, 59),
+    "slow-fault tests": (10, 12, 18, 22, 29, 40, 52, 59, 135),
     "left by extremes": (257,),
 }
 OF_ANGLES = [name for name in FAMILIES if name not in ("left by extremes", "at the stop")]

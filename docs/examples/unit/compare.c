@@ -12,18 +12,40 @@ bool compare_is_comparable(const struct frame *f, int c, params *p)
     return (f->valid[c] != 0) && (p->low <= f->samples[c]) && (f->samples[c] <= p->high);
 }
 
-/* What an angle is taken near to: the last vote; in the first frame of all the first comparable sample. */
+/* How far the comparable samples of an angle are apart as seen from base, rad; 0 for other signals. */
+static double seen_across(double base, const struct frame *f, params *p)
+{
+    double low = 0.0;
+    double high = 0.0;
+    for (int c = 0; c < p->fitted; c++) {
+        if ((p->wraps != 0) && compare_is_comparable(f, c, p)) {
+            const double off = difference(f->samples[c], base, p);
+            low = smaller(low, off);
+            high = larger(high, off);
+        }
+    }
+    return high - low;
+}
+
+/* What an angle is taken near to: the last vote; at first the first comparable sample, unless another sees all of them closer
+ * together: where they are around the circle, no two that agree are cut apart. */
 static double anchor(const struct frame *f, params *p, const struct signal *s)
 {
     if (s->started) {
         return s->vote;
     }
+    double base = 0.0;
+    double least = (double)INFINITY;
     for (int c = 0; c < p->fitted; c++) {
         if (compare_is_comparable(f, c, p)) {
-            return f->samples[c];
+            const double across = seen_across(f->samples[c], f, p);
+            if (isinf(least) || (across < (least - p->threshold))) {
+                base = f->samples[c];
+                least = across;
+            }
         }
     }
-    return 0.0;
+    return base;
 }
 
 /* A value within half a turn of the frame's base if the signal is an angle. */

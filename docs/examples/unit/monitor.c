@@ -33,7 +33,8 @@ static double limit(double x, params *p)
     return (p->wraps != 0) ? (modulo_turn(x - p->low) + p->low) : clamp(x, p->low, p->high);
 }
 
-/* The vote within the range and its fade after a change of level; after an overflow the last vote holds. */
+/* The vote within the range and its fade after a change of level; after an overflow the last vote holds.  Until the first frame with
+ * a sample there is none to hold, and what is stored, 0, is taken for none. */
 static void publish(const struct frame *f, params *p, struct signal *s)
 {
     const double raw = isfinite(f->vote) ? f->vote : s->vote;
@@ -49,7 +50,7 @@ static void publish(const struct frame *f, params *p, struct signal *s)
         s->output = isfinite(faded) ? limit(faded, p) : s->vote;
     }
     s->fade_left = (left > 0) ? (left - 1) : 0;
-    s->started = true;
+    s->started = s->started || (f->n > 0);
 }
 
 /* Section 1: a channel is failed, suspect while it miscompares or is blamed, else ok. */

@@ -114,10 +114,13 @@ struct slow_tests {
     double of_squares;           /* and at most those of the mean of squares */
     double usual_middle;         /* mean of the middle over the frames of which the biases are */
     double last_middle;
+    int64_t away;                /* frames without tests since then */
     double rate;                 /* mean change of the middle a frame, */
+    double usual_rate;           /* its mean over the same frames, */
     double motion;               /* and the largest one of the last second */
     double vote_off;             /* mean of what the biases move the vote, */
-    double reference_vote;       /* and that over the frames of which the next is */
+    double reference_vote;       /* and that, and of the rate, over the frames of which the next is */
+    double reference_rate;
     double reference_bias;
     int64_t reference_learned;   /* frames */
     double reference_off;        /* of this frame, without its bias; NaN: none */

@@ -9,6 +9,9 @@
 void persistence_watch_failed(const struct frame *f, params *p, struct signal *s)
 {
     const bool filtered = p->filter_gain > 0.0;
+    if (!s->started && (f->n == 0)) { /* no vote until there was a sample */
+        return;
+    }
     const double *const samples = filtered ? s->smooth : f->samples;
     double vote = f->vote;
     if (filtered) {

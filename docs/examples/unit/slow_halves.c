@@ -40,6 +40,7 @@ void halves_learn_reference(double most, struct slow_tests *t)
         const double bias = t->reference_bias + (share * clamp(t->reference_off, -most, most));
         t->reference_bias = clamp(bias, -most, most);
         t->reference_vote += share * (t->vote_off - t->reference_vote);
+        t->reference_rate += share * (t->rate - t->reference_rate);
         t->reference_learned++;
     }
 }
@@ -53,12 +54,13 @@ double halves_known_noise(int n, const struct slow_tests *t)
     return larger(t->halves.noise, t->set->slow_noise * t->set->slow_noise);
 }
 
-/* The largest error of a healthy reference without its bias, at the present motion.  A reference that remembers the vote follows
+/* The largest error of a healthy reference without its bias, at a motion unlike that of its bias.  One that remembers the vote follows
  * when a change of level moves it: its bias is known no better than that. */
 static double reference_error(const struct slow_tests *t)
 {
     const double moved = fabs(t->vote_off - t->reference_vote);
-    return (t->set->slow_reference + (t->set->slow_reference_frames * t->motion)) + moved;
+    const double motion = larger(t->motion, fabs(t->rate - t->reference_rate));
+    return (t->set->slow_reference + (t->set->slow_reference_frames * motion)) + moved;
 }
 
 /* Write D of each way; how many there are.  The first half has the channel with the smallest number. */

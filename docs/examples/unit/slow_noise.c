@@ -35,7 +35,8 @@ static unsigned noisy(double usual, double least, double common, const struct sl
     if ((s->turned < TESTS_MEANS_FROM) || (t->learned < TESTS_SQUARES_FROM) || (by <= limit)) {
         return 0U;
     }
-    if (own <= (usual * (1.0 + (OWN * t->set->slow_halves)))) {
+    const double sheet = t->set->slow_noise * TESTS_LEAST;
+    if (own <= (larger(usual, WHITE * (sheet * sheet)) * (1.0 + (OWN * t->set->slow_halves)))) {
         return 0U;
     }
     const int a = t->order[0];

@@ -15,6 +15,7 @@
 #define SIGMAS 6.0      /* standard deviations of a mean that its limit is away */
 #define REMEMBERED 20.0 /* frames that the largest steps of the means with a long memory need to reach a limit */
 #define WHOLE 2.0       /* of the largest square that counts: what one of a whole residual may be */
+#define FOLLOWS 0.25    /* of the common noise: what a residual lacks of its channel's, because the median follows it */
 #define STILL 14 /* frames that a sample has repeated of a channel that stands still */
 #define CALM 0.5        /* of a limit */
 
@@ -39,6 +40,8 @@ static void forget(struct slow_tests *t)
     t->vote_off = 0.0;
     t->reference_vote = 0.0;
     t->rate = 0.0;
+    t->usual_rate = 0.0;
+    t->reference_rate = 0.0;
     t->motion = 0.0;
     t->halves.noise = 0.0;
     t->second.roughest = 0.0;
@@ -153,10 +156,11 @@ static void renew_gains(struct slow_tests *t)
 }
 
 /* What a residual may be by motion alone: other scales since the bias was learned, other times of sampling.  A change to
- * a middle that is not that of a majority, and the first one after another number of channels or a stop, are none of the aircraft. */
+ * a middle that is not that of a majority, and the first one after another number of channels, are none of the aircraft.  That over
+ * frames without tests is their mean. */
 static double allowance(double m, double moved, double sigma, int n, params *p, struct slow_tests *t)
 {
-    const double change = difference(m, t->last_middle, p);
+    const double change = difference(m, t->last_middle, p) / ((double)t->away + 1.0);
     t->last_middle = m;
     t->second.change = change;
     if (t->second.turns > 0) {
@@ -166,7 +170,12 @@ static double allowance(double m, double moved, double sigma, int n, params *p, 
             t->motion = larger(t->motion, fabs(change) - (3.0 * sigma));
         }
     }
-    return ((2.0 * t->set->slow_scale) * fabs(moved)) + (t->set->slow_skew * t->motion);
+    if (t->away > 0) { /* a second difference is of three frames in a row */
+        t->second.turns = 0;
+        t->away = 0;
+    }
+    const double skewed = larger(t->motion, fabs(t->rate - t->usual_rate));
+    return ((2.0 * t->set->slow_scale) * fabs(moved)) + (t->set->slow_skew * skewed);
 }
 
 /* ---- Three means of each channel ---- */
@@ -185,10 +194,11 @@ static double share_of(int c, double per_variance, const struct slow_tests *t)
 }
 
 /* Move the means and the common noise, which is the second lowest (of two: the lowest); the channel with the largest share. */
-static int move_means(double m, double allowed, double sigma, int n, struct slow_tests *t)
+static int move_means(double m, double allowed, double sigma, double healthy, int n, struct slow_tests *t)
 {
     const double one = 1.0 / sigma;
-    const double most = (t->square_step * sigma) * sigma;
+    const double most = t->square_step * healthy;
+    const double most_whole = ((WHOLE * t->square_step) * sigma) * sigma;
     const double gain = t->of_squares;
     double lowest = (double)INFINITY;
     double second = (double)INFINITY;
@@ -198,13 +208,13 @@ static int move_means(double m, double allowed, double sigma, int n, struct slow
         const double residual = t->value[c] - m;
         const double r = copysign(larger(fabs(residual) - allowed, 0.0), residual);
         const double z = r * one;
-        t->whole[c] += gain * (smaller(residual * residual, WHOLE * most) - t->whole[c]);
+        t->whole[c] += gain * (smaller(residual * residual, most_whole) - t->whole[c]);
         t->fast[c] += (clamp(z, -t->fast_step, t->fast_step) - t->fast[c]) * (1.0 / FAST);
         t->slow[c] += (clamp(z, -t->slow_step, t->slow_step) - t->slow[c]) * (1.0 / TESTS_SLOW);
         t->square[c] += gain * (smaller(r * r, most) - t->square[c]);
         second = smaller(second, larger(lowest, t->whole[c]));
         lowest = smaller(lowest, t->whole[c]);
-        t->share[c] = share_of(c, one * one, t);
+        t->share[c] = share_of(c, 1.0 / healthy, t);
         worst = (t->share[c] > t->share[worst]) ? c : worst;
     }
     t->shaken = (n > 2) ? second : lowest;
@@ -235,13 +245,10 @@ static unsigned isolate_one(int worst, int n, struct slow_tests *t)
     }
     const double fast = fabs(t->fast[worst]) * t->of_fast;
     const double slow = fabs(t->slow[worst]) * t->of_slow;
-    const bool by_means = larger(fast, slow) >= t->share[worst];
-    const double sheet = t->set->slow_noise * TESTS_LEAST;
-    const bool noisy = t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit));
-    if (((2 * calm) <= n) && !((n == RIG_CHANNELS) && (calm == 2) && (by_means || noisy))) {
+    if (((2 * calm) <= n) && !((n == RIG_CHANNELS) && (calm == 2))) {
         return 0U;
     }
-    t->by = by_means ? RIG_DECIDED_BY_SLOW_MEANS : RIG_DECIDED_BY_SLOW_SQUARES;
+    t->by = (larger(fast, slow) >= t->share[worst]) ? RIG_DECIDED_BY_SLOW_MEANS : RIG_DECIDED_BY_SLOW_SQUARES;
     return 1U << worst;
 }
 
@@ -260,6 +267,7 @@ static void learn(double m, double moved, double step, bool usable, const struct
     t->known += weight;
     const double gain = (t->known > TESTS_LEARNING) ? (weight * (1.0 / TESTS_LEARNING)) : (weight / t->known);
     t->usual_middle += gain * moved;
+    t->usual_rate += gain * (t->rate - t->usual_rate);
     const double furthest = t->set->slow_bias + ((1.6 * t->set->slow_scale) * fabs(t->usual_middle));
     for (int i = 0; i < f->n; i++) {
         const int c = t->order[i];
@@ -292,7 +300,7 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     const bool stops = (f->n < 2) || !s->split.whole;
     const double m = stops ? (double)NAN : tests_middle(f, t);
     if (!isfinite(m) || tests_is_cut(m, p, t)) { /* not finite, too: differences near the largest number */
-        t->second.turns = 0;
+        t->away++; /* the next change of the middle is that of several frames */
         return 0U;
     }
     if (t->learned == 0) {
@@ -312,9 +320,11 @@ unsigned tests_watch(const struct frame *f, params *p, struct signal *s)
     }
     const double variance = larger(larger(t->noise, t->shaken), t->set->slow_noise * t->set->slow_noise);
     const double sigma = sqrt(variance);
+    const double sheet = t->set->slow_noise * TESTS_LEAST;
+    const double healthy = larger(variance, (sheet * sheet) - (FOLLOWS * variance)); /* the data sheet's where all are quieter */
     const double moved = difference(m, t->usual_middle, p);
     const double allowed = allowance(m, moved, sigma, f->n, p, t);
-    const int worst = (t->learned > 0) ? move_means(m, allowed, sigma, f->n, t) : 0;
+    const int worst = (t->learned > 0) ? move_means(m, allowed, sigma, healthy, f->n, t) : 0;
     t->reference_off = difference(f->reference - t->reference_bias, m, p);
     const int way = halves_suspect(f->n, allowed, t);
     unsigned bits = halves_isolate(way, f->n, s->reference_usable, t);

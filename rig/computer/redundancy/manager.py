@@ -107,7 +107,8 @@ def manage_signal(samples, valid, ilm, reference, second, p, st):
     decided_by = reference_monitor.watch_common(decided_by, n, vote_before_fade, reference, second, p, st)
     if p["filter_gain"] > 0.0:
         followed = vote_before_fade if np.isfinite(vote_before_fade) else st["vote"]
-        st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
+        if n > 0 or st["started"]:
+            st["smooth_vote"] = follow(st["smooth_vote"], followed, base, p)
         watch_failed(st["smooth"], samples, valid, st["smooth_vote"], p, st)
     else:
         watch_failed(samples, samples, valid, vote_before_fade, p, st)
@@ -215,13 +216,30 @@ def vote_quiet(reference, second, n, p, st):
 
 @kernel
 def anchor(samples, valid, p, st):
-    """Return the value that an angle is taken near to: the last vote; at first the first comparable sample."""
+    """Return the value that an angle is taken near to: the last vote; at first the first comparable sample.
+
+    Unless another sees all of them closer together: where they are around the circle, no two that agree are cut apart.
+    """
     if st["started"]:
         return st["vote"]
+    base, least = 0.0, np.inf
     for c in range(p["fitted"]):
         if comparable(samples[c], valid[c], p["low"], p["high"]):
-            return samples[c]
-    return 0.0
+            across = seen_across(samples[c], samples, valid, p)
+            if least == np.inf or across < least - p["threshold"]:
+                base, least = samples[c], across
+    return base
+
+
+@kernel
+def seen_across(base, samples, valid, p):
+    """Return how far the comparable samples of an angle are apart as seen from ``base``, rad; 0 for other signals."""
+    low = high = 0.0
+    for c in range(p["fitted"]):
+        if p["wraps"] and comparable(samples[c], valid[c], p["low"], p["high"]):
+            off = difference(samples[c], base, p["wraps"])
+            low, high = min(low, off), max(high, off)
+    return high - low
 
 
 @kernel
@@ -273,6 +291,7 @@ def decide(ilm, reference, compared, n, p, st):
 def publish(vote_before_fade, p, st):
     """Store the vote and its faded output; the fade, which is added, starts in the frame after a change of level.
 
+    Until the first frame with a sample there is no vote to hold, and what is stored, 0, is taken for none.
     Differences of samples near the largest number overflow: then the last vote holds, and nothing is faded.
     """
     if not np.isfinite(vote_before_fade):
@@ -287,7 +306,7 @@ def publish(vote_before_fade, p, st):
         faded = st["vote"] + st["fade"] * left / (frames + 1.0)
         st["output"] = limit(faded, p["low"], p["high"], p["wraps"]) if np.isfinite(faded) else st["vote"]
     st["fade_left"] = max(left - 1, 0)
-    st["started"] = True
+    st["started"] |= st["pattern"] != Pattern.LOST
 
 
 @kernel

@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.computer.redundancy.compare import comparable, is_split
 from rig.computer.redundancy.slow_faults import is_stale
-from rig.core.frame import DecidedBy
+from rig.core.frame import DecidedBy, Pattern
 from rig.core.kernels import kernel
 from rig.core.units.angles import difference
 
@@ -141,9 +141,9 @@ def latch(settled, p, st):
 def watch_failed(values, samples, valid, vote, p, st):
     """Count how long each failed channel has agreed with the vote again, for a readmission by command (added).
 
-    values : (4,) what is compared with the vote, of these samples
+    values : (4,) what is compared with the vote, of these samples; no vote is stored until there was a sample
     """
-    if st["level"] == p["fitted"]:
+    if st["level"] == p["fitted"] or (st["pattern"] == Pattern.LOST and not st["started"]):
         return
     for c in range(p["fitted"]):
         off = difference(values[c], vote, p["wraps"])

@@ -71,12 +71,13 @@ def no_half(t):
 
 @kernel
 def reference_error(p, t):
-    """Return the largest error of a healthy reference without its bias, at the present motion.
+    """Return the largest error of a healthy reference without its bias, at a motion unlike that of its bias.
 
     A reference that remembers the vote follows when a change of level moves it: its bias is known no better than that.
     """
     moved = abs(t["vote_off"] - t["reference_vote"])
-    return p["slow_reference"] + p["slow_reference_frames"] * t["motion"] + moved
+    motion = max(t["motion"], abs(t["rate"] - t["reference_rate"]))
+    return p["slow_reference"] + p["slow_reference_frames"] * motion + moved
 
 
 @kernel
@@ -90,6 +91,7 @@ def learn_reference(st, t):
         gain, off = 1.0 / min(t["reference_learned"] + 1.0, LEARNING), min(max(off, -most), most)
         t["reference_bias"] = min(max(t["reference_bias"] + gain * off, -most), most)
         t["reference_vote"] += gain * (t["vote_off"] - t["reference_vote"])
+        t["reference_rate"] += gain * (t["rate"] - t["reference_rate"])
         t["reference_learned"] += 1
 
 

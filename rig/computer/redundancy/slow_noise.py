@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rig.computer.redundancy.slow_halves import MEANS_FROM, SLOW, SQUARES_FROM, known_noise
+from rig.computer.redundancy.slow_halves import LEAST, MEANS_FROM, SLOW, SQUARES_FROM, known_noise
 from rig.core.kernels import kernel
 
 KEPT: Final = 10000.0  # frames of the memory of the roughest motion
@@ -28,7 +28,7 @@ NOISE: Final = (
     ("last_change", "f8"),
     ("last_apart", "f8"),  # D of the last frame
     ("last_moved", "f8"),  # and its change
-    ("turns", "i8"),  # frames since the middle last moved as no aircraft does (slow_tests.py)
+    ("turns", "i8"),  # frames since the middle last moved as no aircraft does, or none was known (slow_tests.py)
     ("turned", "i8"),  # frames that the means have counted
     ("shared", "f8"),  # mean product of the second differences of both channels; of more: square of the middle's
     ("roughest", "f8"),  # largest one, less its noise
@@ -74,7 +74,7 @@ def isolate_noisy(n, p, t):
     limit = max(least, other, product * math.sqrt(t["rough"] * common + usual * usual))
     if t["turned"] < MEANS_FROM or t["learned"] < SQUARES_FROM or by <= limit:
         return 0
-    if own <= usual * (1.0 + OWN * p["slow_halves"]):
+    if own <= max(usual, TURN * (p["slow_noise"] * LEAST) ** 2) * (1.0 + OWN * p["slow_halves"]):
         return 0
     first, second = min(t["order"][0], t["order"][1]), max(t["order"][0], t["order"][1])
     return 1 << (first if t["rougher"] > 0.0 else second)

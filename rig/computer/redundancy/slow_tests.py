@@ -41,6 +41,7 @@ FAST, SQUARE = 16.0, 128.0  # frames of the fast mean and of that of squares
 SIGMAS: Final = 6.0  # standard deviations of a mean that its limit is away
 CALM: Final = 0.5  # of a limit
 STILL: Final = 14  # frames that a sample has repeated of a channel that stands still
+FOLLOWS: Final = 0.25  # of the common noise: what a residual lacks of its channel's, because the median follows it
 CUT: Final = 8.0  # ``slow_noise``, four standard deviations of the data sheet
 REMEMBERED: Final = 20.0  # as BURST, of the means that remember the last burst after seconds
 WHOLE: Final = 2.0  # of the largest square that counts: what one of a whole residual may be
@@ -60,6 +61,7 @@ TESTS: Final = np.dtype(
         ("share", "f8", (CHANNELS,)),  # of its limit, the largest of the three
         ("noise", "f8"),  # variance that the channels have in common, its mean
         ("shaken", "f8"),  # and of the last second
+        ("healthy", "f8"),  # what the noise of a residual may be: that, or the data sheet's where all are quieter
         ("fast_limit", "f8"),
         ("slow_limit", "f8"),
         ("square_limit", "f8"),
@@ -74,12 +76,15 @@ TESTS: Final = np.dtype(
         ("of_squares", "f8"),  # and SQUARE
         ("usual_middle", "f8"),  # mean of the middle over the frames of which the biases are
         ("last_middle", "f8"),
+        ("away", "i8"),  # frames without tests since then
         ("rate", "f8"),  # mean change of the middle a frame
+        ("usual_rate", "f8"),  # its mean over the frames of which the biases are
         ("motion", "f8"),  # largest one of the last second
         ("vote_off", "f8"),  # mean of what the biases move the vote
         ("reference_bias", "f8"),
         ("reference_learned", "i8"),  # frames
-        ("reference_vote", "f8"),  # vote_off over the frames of which that bias is
+        ("reference_vote", "f8"),  # vote_off and rate over the frames of which that bias is
+        ("reference_rate", "f8"),
         ("reference_off", "f8"),  # of this frame, without its bias; NaN: none
         *HALVES,
         *NOISE,
@@ -114,7 +119,7 @@ def isolate_slow(reference, n, p, st):
     if n > 2 and (split or off_majority(st["order"], n, st["miscomparing"])):  # it moves as no aircraft does
         t["turns"] = 0
     variance = max(t["noise"], t["shaken"], p["slow_noise"] ** 2)
-    sigma = math.sqrt(variance)
+    sigma, t["healthy"] = math.sqrt(variance), max(variance, (p["slow_noise"] * LEAST) ** 2 - FOLLOWS * variance)
     moved = difference(m, t["usual_middle"], p["wraps"])
     allowed = allowance(m, moved, sigma, n, p, t)
     worst = move_means(m, allowed, sigma, n, p, t) if t["learned"] > 0 else 0
@@ -138,7 +143,7 @@ def isolate_slow(reference, n, p, st):
 @kernel
 def stopped(t):
     """Return 0, no channel: the next change of the middle is that of several frames."""
-    t["turns"], t["reference_off"] = 0, np.nan
+    t["away"], t["reference_off"] = t["away"] + 1, np.nan
     return 0
 
 
@@ -146,7 +151,7 @@ def stopped(t):
 def middle_without_bias(n, st, t):
     """Write ``value`` and ``order`` of the ``n`` ranked samples without their biases; return the median of them.
 
-    Biases are small, but the ranks without them are others.  No rank but the middle is needed, so nothing is sorted.
+    The ranks without biases are others.  No rank but the middle is needed, so nothing is sorted.
     """
     x, value, order, bias = st["x"], t["value"], t["order"], t["bias"]
     for c in range(CHANNELS):
@@ -164,10 +169,7 @@ def middle_without_bias(n, st, t):
 
 @kernel
 def is_cut(m, p):
-    """Return True if ``m``, the middle, is so near an end of the range that a healthy sample may be cut off there.
-
-    The mean lacks what is cut off, and would then be taken for a bias.
-    """
+    """Return True if ``m``, the middle, is so near an end of the range that healthy samples, and means, are cut off."""
     margin = 2.0 * p["slow_bias"] + p["slow_scale"] * abs(m) + CUT * p["slow_noise"]
     return p["wraps"] == 0 and (m > p["high"] - margin or m < p["low"] + margin)
 
@@ -198,8 +200,8 @@ def forget_tests(st):
     t = st["tests"]
     t["learned"] = t["level"] = t["reference_learned"] = 0
     t["known"] = t["limits_until"] = 0.0
-    t["noise"] = t["reference_bias"] = t["rate"] = t["motion"] = t["halves_noise"] = 0.0
-    t["vote_off"] = t["reference_vote"] = t["roughest"] = 0.0
+    t["noise"] = t["reference_bias"] = t["rate"] = t["usual_rate"] = t["motion"] = t["halves_noise"] = 0.0
+    t["vote_off"] = t["reference_vote"] = t["reference_rate"] = t["roughest"] = 0.0
     for c in range(CHANNELS):
         t["bias"][c] = t["share"][c] = 0.0
 
@@ -226,29 +228,24 @@ def renew_limits(p, t):
 
 
 @kernel
-def renew_gains(t):
-    """Set the shares of a frame in means over what is learned, while this is less than their frames."""
-    learned = float(t["learned"])
-    t["of_learned"], t["of_squares"] = 1.0 / min(learned, LEARNING), 1.0 / min(learned, SQUARE)
-    t["of_halves"] = 1.0 / min(learned, SLOW)
-
-
-@kernel
 def allowance(m, moved, sigma, n, p, t):
     """Return what a residual may be by motion alone: other scales since the bias was learned, other times of sampling.
 
     m : the middle; moved : since the biases were learned; sigma : noise
-    A change to a middle that is not that of a majority, and the first one after another number of channels or a stop,
-    are none of the aircraft.
+    A change to a middle that is not that of a majority, and the first one after another number of channels, are none
+    of the aircraft.  That over frames without tests is their mean.
     """
-    change = difference(m, t["last_middle"], p["wraps"])
+    change = difference(m, t["last_middle"], p["wraps"]) / (t["away"] + 1.0)
     t["last_middle"], t["change"] = m, change
     if t["turns"] > 0:
         t["rate"] += (change - t["rate"]) * (1.0 / FAST)
         t["motion"] = max(abs(t["rate"]), t["motion"] * (1.0 - 1.0 / SLOW))
         if n > 2:
             t["motion"] = max(t["motion"], abs(change) - 3.0 * sigma)
-    return 2.0 * p["slow_scale"] * abs(moved) + p["slow_skew"] * t["motion"]
+    if t["away"] > 0:  # a second difference is of three frames in a row
+        t["turns"] = t["away"] = 0
+    skewed = max(t["motion"], abs(t["rate"] - t["usual_rate"]))
+    return 2.0 * p["slow_scale"] * abs(moved) + p["slow_skew"] * skewed
 
 
 @kernel
@@ -263,22 +260,23 @@ def move_means(m, allowed, sigma, n, p, t):
     learned, order, value, share = t["learned"], t["order"], t["value"], t["share"]
     fast, slow, square, whole = t["fast"], t["slow"], t["square"], t["whole"]
     fast_step, slow_step, one = t["fast_step"], t["slow_step"], 1.0 / sigma
-    most, gain, worst = t["square_step"] * sigma * sigma, t["of_squares"], order[0]
-    of_fast, of_slow, of_square, of_variance = t["of_fast"], t["of_slow"], t["of_square"], one * one
+    most, gain, worst, of_healthy = t["square_step"] * t["healthy"], t["of_squares"], order[0], 1.0 / t["healthy"]
+    of_fast, of_slow, of_square = t["of_fast"], t["of_slow"], t["of_square"]
+    most_whole = WHOLE * t["square_step"] * sigma * sigma
     if learned < MEANS_FROM:
         of_fast = of_slow = 0.0
     if learned < SQUARES_FROM:
         of_square = 0.0
     for c in range(p["fitted"]):
         r = value[c] - m
-        whole[c] += gain * (min(r * r, WHOLE * most) - whole[c])
+        whole[c] += gain * (min(r * r, most_whole) - whole[c])
         r = math.copysign(max(abs(r) - allowed, 0.0), r)
         z = r * one
         fast[c] += (min(max(z, -fast_step), fast_step) - fast[c]) * (1.0 / FAST)
         slow[c] += (min(max(z, -slow_step), slow_step) - slow[c]) * (1.0 / SLOW)
         square[c] += gain * (min(r * r, most) - square[c])
         by_means = max(abs(fast[c]) * of_fast, abs(slow[c]) * of_slow)
-        share[c] = max(by_means, (square[c] * of_variance - 1.0) * of_square)
+        share[c] = max(by_means, (square[c] * of_healthy - 1.0) * of_square)
     lowest, second, largest = np.inf, np.inf, -np.inf
     for i in range(n):
         c = order[i]
@@ -305,9 +303,7 @@ def is_beside_still(c, n, st):
 def isolate_one(worst, n, p, st):
     """Return the bit of channel ``worst``, whose share is above 1, if most others are below half of it; 0 for none.
 
-    Most: more than half of the channels, or two of four, whose other two are then told apart by slow_halves.  Two that
-    stand still make the noise of the other two look like a fault: it must be more than the data sheet's then.
-    """
+    Most: more than half of the channels, or two of four, whose other two slow_halves tells apart."""
     t = st["tests"]
     share, order, calm = t["share"], t["order"], 0
     if is_beside_still(worst, n, st):
@@ -315,11 +311,9 @@ def isolate_one(worst, n, p, st):
     for i in range(n):
         calm += share[order[i]] < CALM * share[worst]
     means = max(abs(t["fast"][worst]) * t["of_fast"], abs(t["slow"][worst]) * t["of_slow"])
-    by_means = means >= share[worst]
-    noisy = t["square"][worst] > (p["slow_noise"] * LEAST) ** 2 * (1.0 + t["square_limit"])
-    if 2 * calm <= n and not (n == CHANNELS and calm == 2 and (by_means or noisy)):
+    if 2 * calm <= n and not (n == CHANNELS and calm == 2):
         return 0
-    t["by"] = DecidedBy.SLOW_MEANS.value if by_means else DecidedBy.SLOW_SQUARES.value
+    t["by"] = DecidedBy.SLOW_MEANS.value if means >= share[worst] else DecidedBy.SLOW_SQUARES.value
     return 1 << worst
 
 
@@ -338,12 +332,15 @@ def learn(m, moved, step, n, p, st):
     t["known"] += weight
     gain = weight * (1.0 / LEARNING) if t["known"] > LEARNING else weight / t["known"]
     t["usual_middle"] += gain * moved
+    t["usual_rate"] += gain * (t["rate"] - t["usual_rate"])
     bound = p["slow_bias"] + 1.6 * p["slow_scale"] * abs(t["usual_middle"])
     bias, value = t["bias"], t["value"]
     for c in range(p["fitted"]):
         moved_by = gain * min(max(value[c] - m, -step), step)
         bias[c] = min(max(bias[c] + moved_by, -bound), bound)
     t["learned"] += 1
-    if t["learned"] <= LEARNING:
-        renew_gains(t)
+    if t["learned"] <= LEARNING:  # shares of a frame in means over what is learned
+        learned = float(t["learned"])
+        t["of_learned"], t["of_squares"] = 1.0 / learned, 1.0 / min(learned, SQUARE)
+        t["of_halves"] = 1.0 / min(learned, SLOW)
     learn_reference(st, t)

@@ -8,7 +8,7 @@ frames.  It reaches the limit L in
 frames, and never if z <= L.  s is the largest step that counts; B is BURST for the fast mean, REMEMBERED for the
 others: no offset is isolated before BURST frames.
 The mean of squares begins at 1: z^2 and its own limit take their places.  The earliest of the three counts.
-The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOWS).  The
+The median follows the faulty channel by a share of the offset, up to a middle of healthy ones (FOLLOW).  The
 allowance for motion (slow_tests.py) is taken off the residual.
 A drift is learned as a bias while every share is small, so its means are moved frame by frame.
 Added: docs/explanation/decisions.md, 'Slow-fault tests'.
@@ -20,7 +20,7 @@ from math import ceil, inf, log, sqrt
 from typing import Final, NamedTuple
 
 from rig.computer.redundancy.slow_halves import BURST, LEARNING, SLOW, reached
-from rig.computer.redundancy.slow_tests import CALM, FAST, REMEMBERED, SIGMAS, SQUARE
+from rig.computer.redundancy.slow_tests import CALM, FAST, FOLLOWS, REMEMBERED, SIGMAS, SQUARE
 from rig.computer.redundancy.slow_tests_config import BIAS, SlowTests
 from rig.world.sensors.data_sheet import DataSheet
 
@@ -30,7 +30,7 @@ MOST_S: Final = 60.0  # of a drift
 KNOWN: Final = 2.0 * LEARNING  # frames learned: the limits are at their least
 # By channels in use: what the median follows of a small offset of one channel, and, in units of the noise, of any: of
 # 4 the mean of the middle and the largest of three normal samples, of 3 the larger of two.
-FOLLOWS: Final = {4: (0.25, 0.423), 3: (1.0 / 3.0, 0.564)}
+FOLLOW: Final = {4: (0.25, 0.423), 3: (1.0 / 3.0, 0.564)}
 
 
 class Delays(NamedTuple):
@@ -45,18 +45,19 @@ class Delays(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits of the two means in units of the noise, and of the mean of squares in units of its variance less 1."""
+    """Limits of the two means in units of the noise, and of the mean of squares in units of its variance, less 1."""
 
     fast: float
     slow: float
     square: float
 
 
-def limits(tests: SlowTests) -> Limits:
-    """Return the limits once KNOWN frames are learned."""
+def limits(tests: SlowTests, sheet: float = 1.0) -> Limits:
+    """Return the limits once KNOWN frames are learned; sheet : noise of the data sheet, units of that of the data."""
     means, squares = SIGMAS * tests.factor, SIGMAS * (tests.squares_factor or tests.factor)
     fast, slow = (means * sqrt(0.5 / frames + 1.0 / KNOWN) for frames in (FAST, SLOW))
-    return Limits(fast, slow, squares * sqrt(1.0 / SQUARE + 2.0 / KNOWN))
+    healthy = max(1.0, sheet * sheet - FOLLOWS)
+    return Limits(fast, slow, healthy * (1.0 + squares * sqrt(1.0 / SQUARE + 2.0 / KNOWN)) - 1.0)
 
 
 def delays(
@@ -73,9 +74,9 @@ def delays(
     fitted : how many channels, and frames a second
     """
     channels, rate_hz = fitted
-    if channels not in FOLLOWS:
+    if channels not in FOLLOW:
         return Delays((None,) * len(OFFSETS), None, None)
-    at, unit, allowed = limits(tests), threshold / noise, allowance / noise
+    at, unit, allowed = limits(tests, sheet.noise_std / noise), threshold / noise, allowance / noise
     offsets = [offset_frames(size * unit, at, channels, allowed) for size in OFFSETS]
     most = round(MOST_S * rate_hz)
     bound = BIAS * sheet.bias_tolerance / noise
@@ -86,13 +87,13 @@ def delays(
 
 def beside_median(z: float, channels: int) -> float:
     """Return what is left of an offset ``z`` of one channel beside the median, which follows it; units of noise."""
-    share, most = FOLLOWS[channels]
+    share, most = FOLLOW[channels]
     return z - min(share * z, most)
 
 
 def smallest(at: Limits, channels: int, allowed: float = 0.0) -> float:
     """Return the constant offset above which one is isolated; it and ``allowed`` in units of noise."""
-    share, most = FOLLOWS[channels]
+    share, most = FOLLOW[channels]
     r = min(at.fast, at.slow, sqrt(at.square)) + allowed
     return min(r / (1.0 - share), r + most)
 

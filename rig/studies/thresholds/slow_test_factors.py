@@ -217,7 +217,7 @@ def _watch(samples, reference, given, params, state, width, out):
             means = max(abs(t["fast"][c]) / t["fast_limit"], abs(t["slow"][c]) / t["slow_limit"])
             shares[0] = max(shares[0], means)
             if t["learned"] >= SQUARES_FROM:
-                shares[1] = max(shares[1], (t["square"][c] / variance - 1.0) / t["square_limit"])
+                shares[1] = max(shares[1], (t["square"][c] / t["healthy"] - 1.0) / t["square_limit"])
         shares[2] = max(shares[2], t["halves_share"])
         if t["reference_learned"] > REFERENCE_KNOWN and np.isfinite(t["reference_off"]):
             off += (t["reference_off"] - off) / ERROR_FRAMES
