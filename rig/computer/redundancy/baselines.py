@@ -47,17 +47,15 @@ def mean_of(st, n):
 
 
 @kernel
-def weighted(bus, fcc, data, on):
-    """Vote the weighted average of all comparable samples of each signal of a row; isolate no channel.
+def weighted(bus, fcc, s, p, st, on):
+    """Vote the weighted average of all comparable samples of signal s of a row; isolate no channel.
 
     A sample that is far from all others has next to no weight: w_c = 1 / (1 + prod over j != c of ((x_c - x_j) / a)^2).
     """
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        n = ranked(bus, s, p, st)
-        finish(bus, fcc, s, weighted_mean(n, p, st) if n > 0 else st["vote"], n, p, st)
+    n = ranked(bus, s, p, st)
+    finish(bus, fcc, s, weighted_mean(n, p, st) if n > 0 else st["vote"], n, p, st)
 
 
 @kernel

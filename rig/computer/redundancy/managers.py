@@ -225,17 +225,19 @@ def vote_chosen(bus, fcc, data, baseline):
 @kernel
 def vote_baseline(bus, fcc, data, baseline):
     """Vote a row by a baseline manager; baseline : Chosen."""
-    cusum(bus, fcc, data, baseline.cusum)
-    glr(bus, fcc, data, baseline.glr)
-    parity(bus, fcc, data, baseline.parity)
-    bayes(bus, fcc, data, baseline.bayes)
-    innovation(bus, fcc, data, baseline.innovation)
-    weighted(bus, fcc, data, baseline.weighted)
-    gate_mean(bus, fcc, data, baseline.gate_mean)
-    window_median(bus, fcc, data, baseline.window_median)
-    variance_mean(bus, fcc, data, baseline.variance_mean)
-    inverse_mean(bus, fcc, data, baseline.inverse_mean)
-    trimmed_mean(bus, fcc, data, baseline.trimmed_mean)
-    mid_value(bus, fcc, data, baseline.mid_value)
-    cross_voter_learned(bus, fcc, data, baseline.cross_voter)
+    for s in range(len(data.params)):
+        p, st = data.params[s], data.state[s]
+        cusum(bus, fcc, s, p, st, baseline.cusum)
+        glr(bus, fcc, s, p, st, baseline.glr)
+        parity(bus, fcc, s, p, st, baseline.parity)
+        bayes(bus, fcc, s, p, st, baseline.bayes)
+        innovation(bus, fcc, s, p, st, baseline.innovation)
+        weighted(bus, fcc, s, p, st, baseline.weighted)
+        gate_mean(bus, fcc, s, p, st, baseline.gate_mean)
+        window_median(bus, fcc, s, p, st, baseline.window_median)
+        variance_mean(bus, fcc, s, p, st, baseline.variance_mean)
+        inverse_mean(bus, fcc, s, p, st, baseline.inverse_mean)
+        trimmed_mean(bus, fcc, s, p, st, baseline.trimmed_mean)
+        mid_value(bus, fcc, s, p, st, baseline.mid_value)
+        cross_voter_learned(bus, fcc, s, p, st, baseline.cross_voter)
     selection_learned(bus, fcc, data, baseline.selection)

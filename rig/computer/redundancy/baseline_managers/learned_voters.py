@@ -18,21 +18,19 @@ AS_UNIT = 2  # the signals are the axes of one unit
 
 
 @kernel
-def cross_voter_learned(bus, fcc, data, on):
-    """Vote the median of the channels in use, and compare each less its bias with the middle of all less theirs."""
+def cross_voter_learned(bus, fcc, s, p, st, on):
+    """Vote the median of signal s, and compare each channel less its bias with the middle of all less theirs."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        readmit(bus["reset"][s], p, st)
-        n = ranked(bus, s, p, st)
-        voted = median(st["x"], st["order"], n, st["miscomparing"], 0.5) if n else st["vote"]
-        center, calm = take_off(n, np.nan, p, st), True
-        compare_each(st["y"], center, n, p, st)
-        for i in range(n):
-            calm &= st["count"][st["order"][i]] <= CALM * p["persistence"]
-        learn(n, center, calm, p, st)
-        finish(bus, fcc, s, voted, n, p, st)
+    readmit(bus["reset"][s], p, st)
+    n = ranked(bus, s, p, st)
+    voted = median(st["x"], st["order"], n, st["miscomparing"], 0.5) if n else st["vote"]
+    center, calm = take_off(n, np.nan, p, st), True
+    compare_each(st["y"], center, n, p, st)
+    for i in range(n):
+        calm &= st["count"][st["order"][i]] <= CALM * p["persistence"]
+    learn(n, center, calm, p, st)
+    finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
