@@ -134,23 +134,17 @@ def select_unit(bus, fcc, first, end, data):
     Settings are those of the first axis.
     """
     params, state = data.params, data.state
-    p, st = params[first], state[first]
     here, n = comparable(bus, first, end, params, state)
+    choose_by_deviation(here, n, first, end, params[first], state)
     for s in range(first, end):
-        deviate(here, n, state[s])
-    sum_excess(here, n, first, end, p, state)
-    choose(here, p, st)
-    for s in range(first, end):
-        axis = state[s]
-        axis["selected"] = st["selected"]
-        for c in range(CHANNELS):
-            axis["failed"][c] = st["failed"][c]
-        finish(bus, fcc, s, axis["x"][axis["selected"]], n, params[s], axis)
+        finish(bus, fcc, s, state[s]["x"][state[s]["selected"]], n, params[s], state[s])
 
 
 @kernel
-def sum_excess(here, n, first, end, p, state):
-    """Integrate what the deviation of each of the ``n`` channels ``here`` exceeds that of the settings ``p`` by."""
+def choose_by_deviation(here, n, first, end, p, state):
+    """Choose one of the ``n`` channels ``here`` for all axes, by integrals of what exceeds the deviation of ``p``."""
+    for s in range(first, end):
+        deviate(here, n, state[s])
     for c in range(CHANNELS):
         if (here >> c) & 1 == 1 and n > 2:
             square = 0.0
@@ -158,6 +152,11 @@ def sum_excess(here, n, first, end, p, state):
                 square += state[s]["smooth"][c] ** 2
             excess = state[first]["excess"]
             excess[c] = max(excess[c] + math.sqrt(square) - p["deviation"], 0.0)
+    choose(here, p, state[first])
+    for s in range(first + 1, end):
+        state[s]["selected"] = state[first]["selected"]
+        for c in range(CHANNELS):
+            state[s]["failed"][c] = state[first]["failed"][c]
 
 
 @kernel
