@@ -63,8 +63,9 @@ def begin(bus, fcc, s, p, st):
     for c in range(CHANNELS):
         st["miscomparing"][c] = False
     usable = st["reference_usable"] != 0 and not np.isnan(reference)
-    center = take_off(n, reference if usable else np.nan, p, st)
-    return At(n, middle(n, reference, st) if n > 0 else st["vote"], center, reference, usable)
+    asked = reference if usable else np.nan
+    of_samples = middle(st["x"], st["order"], n, asked) if n > 0 else st["vote"]
+    return At(n, of_samples, take_off(n, asked, p, st), reference, usable)
 
 
 @kernel
