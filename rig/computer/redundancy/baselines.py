@@ -254,6 +254,4 @@ def finish(bus, fcc, s, voted, n, p, st):
     watch_failed(bus["channels"][s], bus["channels"][s], bus["valid"][s], voted, p, st)
     latch(False, p, st)
     publish(voted, p, st)
-    fcc["voted"][s] = st["output"]
-    fcc["level"][s], fcc["pattern"][s] = st["level"], st["pattern"]
-    report(p, st, fcc["state"][s])
+    report(fcc, s, p, st)

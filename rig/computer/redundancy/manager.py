@@ -31,25 +31,19 @@ def manage(bus, fcc, data):
     bus, fcc : the row's BUS and FCC records; data : ManagerData
     """
     params, state = data.params, data.state
-    channels, valid, ilm, reset = bus["channels"], bus["valid"], bus["ilm"], bus["reset"]
-    voted, reference, states = fcc["voted"], fcc["reference"], fcc["state"]
-    levels, patterns, tie_break, usable = fcc["level"], fcc["pattern"], fcc["decided_by"], fcc["reference_usable"]
-    trend_high, trend_low = fcc["trend_high"], fcc["trend_low"]
-    second, common = fcc["second_reference"], fcc["common_mode"]
-    accusing, against = 0, reference_monitor.disputed(params, state)
-    lanes = 0
+    accusing, lanes, against = 0, 0, reference_monitor.disputed(params, state)
     for c in range(CHANNELS):
         lanes |= np.int64(data.lanes[c] != 0) << c
     for s in range(len(params)):
         p, st = params[s], state[s]
         st["lanes"], st["in_dispute"] = lanes, against & p["sources"] != 0
-        readmit_afresh(reset[s], p, st)
-        tie_break[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
-        voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
-        usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
-        trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
-        common[s] = st["common_mode"]
-        report(p, st, states[s])
+        readmit_afresh(bus["reset"][s], p, st)
+        samples, valid, ilm, reference = bus["channels"][s], bus["valid"][s], bus["ilm"][s], fcc["reference"][s]
+        fcc["decided_by"][s] = manage_signal(samples, valid, ilm, reference, fcc["second_reference"][s], p, st)
+        fcc["trend_high"][s], fcc["trend_low"][s] = st["trend_high"], st["trend_low"]
+        fcc["common_mode"][s] = st["common_mode"]
+        fcc["reference_usable"][s] = st["reference_usable"] if np.isfinite(reference) else 0
+        report(fcc, s, p, st)
         accusing += st["accused"] != 0
     box = data.boxes[0]
     if accusing >= box["least"] > 0:
@@ -291,8 +285,13 @@ def publish(vote_before_fade, p, st):
 
 
 @kernel
-def report(p, st, states):
-    """Write the (4,) channel states: failed, suspect while it miscompares or a rule is against it, otherwise ok."""
+def report(fcc, s, p, st):
+    """Write vote, level, pattern and channel states of signal s of a row.
+
+    A channel is failed, suspect while it miscompares or a rule is against it, otherwise ok.
+    """
+    fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
+    states = fcc["state"][s]
     for c in range(CHANNELS):
         if c >= p["fitted"]:
             states[c] = State.ABSENT

@@ -153,10 +153,9 @@ def end(bus, fcc, s, at, worst, voted, p, st):
     level = st["level"]
     latch(False, p, st)
     publish(voted, p, st)
-    fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
     fcc["decided_by"][s], fcc["common_mode"][s] = decided_by, st["common_mode"]
     fcc["reference_usable"][s] = st["reference_usable"] if np.isfinite(fcc["reference"][s]) else 0
-    report(p, st, fcc["state"][s])
+    report(fcc, s, p, st)
     if level == st["level"]:
         return False
     st["run"], st["run_of"] = 0, NO_CHANNEL
