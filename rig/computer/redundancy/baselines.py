@@ -162,8 +162,7 @@ def choose_by_deviation(here, n, first, end, p, state):
 @kernel
 def speaking(bus, s, p, st):
     """Rank all samples of signal s; return the channels with a comparable one, a bit each."""
-    for c in range(CHANNELS):
-        st["failed"][c] = False
+    st["failed"][:] = False
     n, bits = ranked(bus, s, p, st), 0
     for i in range(n):
         bits |= 1 << st["order"][i]
@@ -241,8 +240,7 @@ def compare_each(values, center, n, p, st):
 def ranked(bus, s, p, st):
     """Rank the samples of signal s into its state; no channel miscompares yet.  Returns their number."""
     samples, valid = bus["channels"][s], bus["valid"][s]
-    for c in range(CHANNELS):
-        st["miscomparing"][c] = False
+    st["miscomparing"][:] = False
     base = anchor(samples, valid, p, st)
     return rank(samples, valid, base, p, st)
 

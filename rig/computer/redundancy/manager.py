@@ -267,9 +267,8 @@ def decide(ilm, reference, compared, n, p, st):
 
     Writes ``blamed``: the channels that the answer would fail.  compared : Compared
     """
-    x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
-    for c in range(CHANNELS):
-        blamed[c] = False
+    x, order, pattern = st["x"], st["order"], st["pattern"]
+    st["blamed"][:] = False
     if pattern == Pattern.LOST:
         return DecidedBy.NONE.value, st["vote"]
     if is_split(pattern):

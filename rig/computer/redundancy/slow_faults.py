@@ -99,8 +99,7 @@ def largest_sum(n, limit, st):
 @kernel
 def begin_sums(st):
     """Set all sums of a signal to zero: another number of channels has another middle."""
-    st["above"][:] = 0.0
-    st["below"][:] = 0.0
+    st["above"][:] = st["below"][:] = 0.0
 
 
 @kernel

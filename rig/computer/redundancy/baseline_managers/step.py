@@ -60,8 +60,7 @@ def begin(bus, fcc, s, p, st):
     pattern = classify(st["x"], st["order"], n, st["threshold"], st["miscomparing"])
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"], st["held"], st["alarm"] = pattern, False, False
-    for c in range(CHANNELS):
-        st["miscomparing"][c] = False
+    st["miscomparing"][:] = False
     usable = st["reference_usable"] != 0 and not np.isnan(reference)
     asked = reference if usable else np.nan
     of_samples = middle(st["x"], st["order"], n, asked) if n > 0 else st["vote"]

@@ -34,8 +34,7 @@ def cusum(bus, fcc, s, p, st, on):
         st["down"][c] = summed(st["down"][c], -u, limit, p)
         st["statistic"][c] = max(st["up"][c], st["down"][c])
     if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), at.middle, p, st):
-        st["up"][:] = 0.0
-        st["down"][:] = 0.0
+        st["up"][:] = st["down"][:] = 0.0
 
 
 @kernel

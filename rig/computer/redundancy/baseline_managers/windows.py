@@ -38,8 +38,7 @@ def window_median(bus, fcc, s, p, st, on):
     if at.n > 1:
         take(at, p, st)
     if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), at.middle, p, st):
-        st["window"][:] = 0.0
-        st["sorted"][:] = 0.0
+        st["window"][:] = st["sorted"][:] = 0.0
         st["place"] = 0
 
 
@@ -82,8 +81,7 @@ def gate_mean(bus, fcc, s, p, st, on):
         deviate(at, step.limit_of(at.n, p), p, st)
     voted = mean_of(st, at.n) if at.n > 0 else at.middle
     if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), voted, p, st):
-        st["deviation"][:] = 0.0
-        st["integral"][:] = 0.0
+        st["deviation"][:] = st["integral"][:] = 0.0
 
 
 @kernel
