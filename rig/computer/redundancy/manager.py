@@ -306,7 +306,7 @@ def publish(vote_before_fade, p, st):
 def report(fcc, s, p, st):
     """Write vote, level, pattern and channel states of signal s of a row.
 
-    A channel is failed, suspect while it miscompares or a rule is against it, otherwise ok.
+    Failed; suspect while it miscompares or a rule is against it; otherwise ok.
     """
     fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
     states = fcc["state"][s]

@@ -130,7 +130,7 @@ def even_split(at, largest, st):
 
 @kernel
 def end(bus, fcc, s, at, worst, voted, p, st):
-    """Learn biases, fail channel ``worst``, vote and report signal s of a row; return True if its level has changed.
+    """Learn biases, isolate channel ``worst``, vote and report signal s of a row; return True if its level has changed.
 
     Then it forgets what all baseline managers keep of a signal: another number of channels has another middle.
     """
