@@ -34,7 +34,7 @@ def monitor(scenario: Scenario) -> NDArray[np.void]:
     sheets = sensors.data_sheets(suite, scenario.rate_hz, scenario.computers.apart_frames)
     return flight_parameters(
         config, ranges, channels, scenario.references, scenario.rate_hz, scenario.computers.count, sheets
-    )
+    ).copy()
 
 
 def lingers(params: NDArray[np.void]) -> NDArray[np.int64]:

@@ -60,7 +60,7 @@ class Redundancy:
         noise_std : (S,) of a sample of each sensor, unit of the signal; none when not given
         computers : fitted; sheets : figures of each signal's sensor, which the slow-fault tests need
         """
-        params = flight_parameters(config, ranges, channels, designed, rate_hz, computers, sheets)
+        params = flight_parameters(config, ranges, channels, designed, rate_hz, computers, sheets).copy()
         params["common_fails"] = common_fails(config, tested)
         kind = manager_kind(config.manager)
         still = still_within(params["threshold"], np.zeros(len(SIGNALS)) if noise_std is None else noise_std)
@@ -84,24 +84,8 @@ class Redundancy:
         return RedundancyData(self.references.data, self.manager.data, self.discretes.data)
 
 
-def flight_parameters(
-    config: Config,
-    ranges: NDArray[np.float64],
-    channels: NDArray[np.int64],
-    designed: Designed,
-    rate_hz: float,
-    computers: int = 1,
-    sheets: Sequence[DataSheet] = (),
-) -> NDArray[np.void]:
-    """Return the (S,) PARAMS records of a flight's manager, but for what a common mode does.
-
-    ranges (S, 2), channels (S,), sheets : of the sensors; computers : fitted; one has no other's health to ask
-    """
-    return _parameters(config, ranges, channels, designed, rate_hz, computers, sheets).copy()
-
-
 @kept
-def _parameters(
+def flight_parameters(
     config: Config,
     ranges: NDArray[np.float64],
     channels: NDArray[np.int64],
@@ -110,6 +94,10 @@ def _parameters(
     computers: int,
     sheets: Sequence[DataSheet],
 ) -> NDArray[np.void]:
+    """Return the (S,) PARAMS records of a flight's manager, shared: to be copied; not what a common mode does.
+
+    ranges (S, 2), channels (S,), sheets : of the sensors; computers : fitted; one has no other's health to ask
+    """
     params = parameters(config.signals, ranges, channels, rate_hz, sheets)
     measured_thresholds(params, config, designed)
     if computers == 1:
@@ -118,7 +106,7 @@ def _parameters(
     params["unresolved_frames"] = in_frames(0, config.unresolved_s or None, rate_hz)
     params["box"] = box_of_signals(config.boxes, [signal.name for signal in SIGNALS])
     params["referred"] = [source(config.references, signal.name) != "none" for signal in SIGNALS]
-    params["tells"] = [_bit(signal.name) if signal.name in TELLING else 0 for signal in SIGNALS]
+    params["tells"] = [1 << INDEX[signal.name] if signal.name in TELLING else 0 for signal in SIGNALS]
     params["sources"] = [sources_of(config, signal.name) for signal in SIGNALS]
     return params
 
@@ -145,11 +133,7 @@ def sources_of(config: Config, signal: str) -> int:
     """Return a bit for each signal in TELLING that a reference of ``signal`` reads (reference_monitor.contradicted)."""
     chosen = source(config.references, signal), second(config.references, signal)
     read = {name for of in chosen for name in PARTNERS.get((signal, of), ()) if name in TELLING}
-    return sum(map(_bit, read))
-
-
-def _bit(signal: str) -> int:
-    return 1 << INDEX[signal]
+    return sum(1 << INDEX[name] for name in read)
 
 
 @kernel

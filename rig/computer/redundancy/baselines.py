@@ -47,17 +47,15 @@ def mean_of(st, n):
 
 
 @kernel
-def weighted(bus, fcc, data, on):
-    """Vote the weighted average of all comparable samples of each signal of a row; isolate no channel.
+def weighted(bus, fcc, s, p, st, on):
+    """Vote the weighted average of all comparable samples of signal s of a row; isolate no channel.
 
     A sample that is far from all others has next to no weight: w_c = 1 / (1 + prod over j != c of ((x_c - x_j) / a)^2).
     """
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        n = ranked(bus, s, p, st)
-        finish(bus, fcc, s, weighted_mean(n, p, st) if n > 0 else st["vote"], n, p, st)
+    n = ranked(bus, s, p, st)
+    finish(bus, fcc, s, weighted_mean(n, p, st) if n > 0 else st["vote"], n, p, st)
 
 
 @kernel
@@ -136,23 +134,17 @@ def select_unit(bus, fcc, first, end, data):
     Settings are those of the first axis.
     """
     params, state = data.params, data.state
-    p, st = params[first], state[first]
     here, n = comparable(bus, first, end, params, state)
+    choose_by_deviation(here, n, first, end, params[first], state)
     for s in range(first, end):
-        deviate(here, n, state[s])
-    sum_excess(here, n, first, end, p, state)
-    choose(here, p, st)
-    for s in range(first, end):
-        axis = state[s]
-        axis["selected"] = st["selected"]
-        for c in range(CHANNELS):
-            axis["failed"][c] = st["failed"][c]
-        finish(bus, fcc, s, axis["x"][axis["selected"]], n, params[s], axis)
+        finish(bus, fcc, s, state[s]["x"][state[s]["selected"]], n, params[s], state[s])
 
 
 @kernel
-def sum_excess(here, n, first, end, p, state):
-    """Integrate what the deviation of each of the ``n`` channels ``here`` exceeds that of the settings ``p`` by."""
+def choose_by_deviation(here, n, first, end, p, state):
+    """Choose one of the ``n`` channels ``here`` for all axes, by integrals of what exceeds the deviation of ``p``."""
+    for s in range(first, end):
+        deviate(here, n, state[s])
     for c in range(CHANNELS):
         if (here >> c) & 1 == 1 and n > 2:
             square = 0.0
@@ -160,13 +152,17 @@ def sum_excess(here, n, first, end, p, state):
                 square += state[s]["smooth"][c] ** 2
             excess = state[first]["excess"]
             excess[c] = max(excess[c] + math.sqrt(square) - p["deviation"], 0.0)
+    choose(here, p, state[first])
+    for s in range(first + 1, end):
+        state[s]["selected"] = state[first]["selected"]
+        for c in range(CHANNELS):
+            state[s]["failed"][c] = state[first]["failed"][c]
 
 
 @kernel
 def speaking(bus, s, p, st):
     """Rank all samples of signal s; return the channels with a comparable one, a bit each."""
-    for c in range(CHANNELS):
-        st["failed"][c] = False
+    st["failed"][:] = False
     n, bits = ranked(bus, s, p, st), 0
     for i in range(n):
         bits |= 1 << st["order"][i]
@@ -244,8 +240,7 @@ def compare_each(values, center, n, p, st):
 def ranked(bus, s, p, st):
     """Rank the samples of signal s into its state; no channel miscompares yet.  Returns their number."""
     samples, valid = bus["channels"][s], bus["valid"][s]
-    for c in range(CHANNELS):
-        st["miscomparing"][c] = False
+    st["miscomparing"][:] = False
     base = anchor(samples, valid, p, st)
     return rank(samples, valid, base, p, st)
 
@@ -257,6 +252,4 @@ def finish(bus, fcc, s, voted, n, p, st):
     watch_failed(bus["channels"][s], bus["channels"][s], bus["valid"][s], voted, p, st)
     latch(False, p, st)
     publish(voted, p, st)
-    fcc["voted"][s] = st["output"]
-    fcc["level"][s], fcc["pattern"][s] = st["level"], st["pattern"]
-    report(p, st, fcc["state"][s])
+    report(fcc, s, p, st)

@@ -88,8 +88,7 @@ def classify(x, order, n, threshold, miscomparing):
     Neighbours in rank decide: when two neighbours disagree, so do all pairs across the gap.
     One agreeing partner is enough, so chains a~b~c are normal.
     """
-    for c in range(CHANNELS):
-        miscomparing[c] = False
+    miscomparing[:] = False
     if n == 0:
         return Pattern.LOST
     gaps, apart = 0, 0  # gaps: bit i is set when rank i and rank i + 1 disagree

@@ -16,7 +16,6 @@ from rig.computer.redundancy.compare import classify, comparable, is_split, rank
 from rig.computer.redundancy.lowpass import begins_at, follow, smooth_channels
 from rig.computer.redundancy.opinions import update_trend
 from rig.computer.redundancy.persistence import count_miscompares, readmit, settle, watch_failed
-from rig.computer.redundancy.quiet import is_quiet
 from rig.computer.redundancy.resolve import Compared, keep_basis, resolve
 from rig.computer.redundancy.slow_tests import forget_tests, is_cut, isolate_slow
 from rig.core.frame import CHANNELS, DecidedBy, Pattern, State
@@ -31,25 +30,19 @@ def manage(bus, fcc, data):
     bus, fcc : the row's BUS and FCC records; data : ManagerData
     """
     params, state = data.params, data.state
-    channels, valid, ilm, reset = bus["channels"], bus["valid"], bus["ilm"], bus["reset"]
-    voted, reference, states = fcc["voted"], fcc["reference"], fcc["state"]
-    levels, patterns, tie_break, usable = fcc["level"], fcc["pattern"], fcc["decided_by"], fcc["reference_usable"]
-    trend_high, trend_low = fcc["trend_high"], fcc["trend_low"]
-    second, common = fcc["second_reference"], fcc["common_mode"]
-    accusing, against = 0, reference_monitor.disputed(params, state)
-    lanes = 0
+    accusing, lanes, against = 0, 0, reference_monitor.disputed(params, state)
     for c in range(CHANNELS):
         lanes |= np.int64(data.lanes[c] != 0) << c
     for s in range(len(params)):
         p, st = params[s], state[s]
         st["lanes"], st["in_dispute"] = lanes, against & p["sources"] != 0
-        readmit_afresh(reset[s], p, st)
-        tie_break[s] = manage_signal(channels[s], valid[s], ilm[s], reference[s], second[s], p, st)
-        voted[s], levels[s], patterns[s] = st["output"], st["level"], st["pattern"]
-        usable[s] = 0 if not np.isfinite(reference[s]) else st["reference_usable"]
-        trend_high[s], trend_low[s] = st["trend_high"], st["trend_low"]
-        common[s] = st["common_mode"]
-        report(p, st, states[s])
+        readmit_afresh(bus["reset"][s], p, st)
+        samples, valid, ilm, reference = bus["channels"][s], bus["valid"][s], bus["ilm"][s], fcc["reference"][s]
+        fcc["decided_by"][s] = manage_signal(samples, valid, ilm, reference, fcc["second_reference"][s], p, st)
+        fcc["trend_high"][s], fcc["trend_low"][s] = st["trend_high"], st["trend_low"]
+        fcc["common_mode"][s] = st["common_mode"]
+        fcc["reference_usable"][s] = st["reference_usable"] if np.isfinite(reference) else 0
+        report(fcc, s, p, st)
         accusing += st["accused"] != 0
     box = data.boxes[0]
     if accusing >= box["least"] > 0:
@@ -195,8 +188,28 @@ def slow_of(decided_by, reference, n, p, st):
 
 
 @kernel
+def is_quiet(n, p, st):
+    """Return True if all fitted channels agree, and nothing of earlier frames is pending; so in nearly every frame.
+
+    Then no channel is suspect, counted or faded.
+    """
+    if n < 2 or n != p["fitted"] or n != st["level"] or st["pattern"] != Pattern.NORMAL or not st["started"]:
+        return False
+    if p["filter_gain"] > 0.0 or st["split_run"] != 0 or st["freeze"] != 0 or st["fade_left"] != 0:
+        return False
+    x, order, within = st["x"], st["order"], threshold(n, p)
+    for i in range(n - 1):
+        if not x[order[i + 1]] - x[order[i]] <= within:  # True for NaN, of an angle near the largest number
+            return False
+    pending = False
+    for c in range(CHANNELS):
+        pending |= st["count"][c] != 0 or st["miscomparing"][c] != 0 or st["blamed"][c] != 0
+    return not pending
+
+
+@kernel
 def vote_quiet(reference, second, n, p, st):
-    """Vote a quiet signal, the rest of ``manage_signal`` without the parts that no channel needs; same bits."""
+    """Vote a quiet signal: the rest of ``manage_signal`` without the parts that no channel needs, same bits, sooner."""
     x, order = st["x"], st["order"]
     st["reference_threshold"], st["threshold"] = reference_monitor.reference_threshold(reference, p), threshold(n, p)
     st["pattern_frames"] += 1
@@ -272,9 +285,8 @@ def decide(ilm, reference, compared, n, p, st):
 
     Writes ``blamed``: the channels that the answer would fail.  compared : Compared
     """
-    x, order, blamed, pattern = st["x"], st["order"], st["blamed"], st["pattern"]
-    for c in range(CHANNELS):
-        blamed[c] = False
+    x, order, pattern = st["x"], st["order"], st["pattern"]
+    st["blamed"][:] = False
     if pattern == Pattern.LOST:
         return DecidedBy.NONE.value, st["vote"]
     if is_split(pattern):
@@ -310,8 +322,13 @@ def publish(vote_before_fade, p, st):
 
 
 @kernel
-def report(p, st, states):
-    """Write the (4,) channel states: failed, suspect while it miscompares or a rule is against it, otherwise ok."""
+def report(fcc, s, p, st):
+    """Write vote, level, pattern and channel states of signal s of a row.
+
+    Failed; suspect while it miscompares or a rule is against it; otherwise ok.
+    """
+    fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
+    states = fcc["state"][s]
     for c in range(CHANNELS):
         if c >= p["fitted"]:
             states[c] = State.ABSENT

@@ -44,12 +44,7 @@ PARAM_FIELDS: Final = (
         "frames in which a sample repeats while others move until it is not compared; 0: any may",
         "slow_faults",
     ),
-    Param(
-        "slow_means",
-        "f8",
-        "1: factor on the limits of the two means; 0: no slow-fault tests",
-        "slow_tests",
-    ),
+    Param("slow_means", "f8", "1: factor on the limits of the two means; 0: no slow-fault tests", "slow_tests"),
     Param("slow_squares", "f8", "1: factor on the limit of the mean square", "slow_tests"),
     Param("slow_halves", "f8", "1: factor on the limits of halves of the channels", "slow_tests"),
     Param("slow_bias", "f8", "unit of the signal: largest bias that is learned at zero", "slow_tests"),

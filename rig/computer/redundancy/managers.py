@@ -1,12 +1,13 @@
 """The managers of the rig: what each is, and which one votes the continuous signals (own.py: a manager of the user's).
 
 To add one: its kernel (baselines.py), its row in ``KINDS`` and its branch in ``vote_chosen``.  A baseline manager
-(baseline_managers/) has state and settings in its row too, and a line in ``Chosen`` and ``vote_baseline``; it is
-compiled when it is first flown.
+(baseline_managers/) has state and settings in its row too, and its line in ``vote_baseline``; it is compiled when
+it is first flown.
 """
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -105,28 +106,11 @@ KINDS: Final = (
 MANAGERS: Final = tuple(kind.name for kind in KINDS)
 BASELINES: Final = tuple(kind.name for kind in KINDS if kind.settings is not None)
 LEARNERS: Final = {kind.name: table for kind in KINDS if (table := of_baselines.table_of(kind.name))}  # to tables
+# Which baseline manager votes: the place of its table has a number, all others None, so that they are not compiled.
+Chosen = namedtuple("Chosen", tuple(LEARNERS.values()), defaults=(None,) * len(LEARNERS))
 DEFAULT: Final = MANAGERS[0]
 _CROSS_CHANNEL, _MEAN, _MEDIAN, _CROSS_VOTER, _SELECTION = range(len(KINDS) - len(BASELINES))
 _UNIT: Final = len(KINDS)  # "selection", with all signals the axes of one unit
-
-
-class Chosen(NamedTuple):
-    """Which baseline manager votes: its place has a number, all others None, so that they are not compiled."""
-
-    cusum: int | None = None
-    glr: int | None = None
-    parity: int | None = None
-    bayes: int | None = None
-    innovation: int | None = None
-    weighted: int | None = None
-    gate_mean: int | None = None
-    window_median: int | None = None
-    variance_mean: int | None = None
-    inverse_mean: int | None = None
-    trimmed_mean: int | None = None
-    mid_value: int | None = None
-    cross_voter: int | None = None  # these two behind learned biases alone
-    selection: int | None = None
 
 
 def manager_kind(name: str) -> ManagerKind:
@@ -166,9 +150,8 @@ class Manager:
         watches: bool = False,
     ) -> None:
         self.choice = _UNIT if as_unit else MANAGERS.index(name)
-        told = "watches" in (params.dtype.names or ())
-        self.params = params if told else with_settings(params, name)
-        table = LEARNERS.get(name, "") if told else name if name in BASELINES else ""
+        self.params = params if "watches" in (params.dtype.names or ()) else with_settings(params, name)
+        table = LEARNERS.get(name) if "watches" in (self.params.dtype.names or ()) else None
         self.baseline = Chosen(**{table: AS_UNIT if as_unit else 1}) if table else None
         if watches:
             self.params["watches"] = 1
@@ -225,17 +208,19 @@ def vote_chosen(bus, fcc, data, baseline):
 @kernel
 def vote_baseline(bus, fcc, data, baseline):
     """Vote a row by a baseline manager; baseline : Chosen."""
-    cusum(bus, fcc, data, baseline.cusum)
-    glr(bus, fcc, data, baseline.glr)
-    parity(bus, fcc, data, baseline.parity)
-    bayes(bus, fcc, data, baseline.bayes)
-    innovation(bus, fcc, data, baseline.innovation)
-    weighted(bus, fcc, data, baseline.weighted)
-    gate_mean(bus, fcc, data, baseline.gate_mean)
-    window_median(bus, fcc, data, baseline.window_median)
-    variance_mean(bus, fcc, data, baseline.variance_mean)
-    inverse_mean(bus, fcc, data, baseline.inverse_mean)
-    trimmed_mean(bus, fcc, data, baseline.trimmed_mean)
-    mid_value(bus, fcc, data, baseline.mid_value)
-    cross_voter_learned(bus, fcc, data, baseline.cross_voter)
+    for s in range(len(data.params)):
+        p, st = data.params[s], data.state[s]
+        cusum(bus, fcc, s, p, st, baseline.cusum)
+        glr(bus, fcc, s, p, st, baseline.glr)
+        parity(bus, fcc, s, p, st, baseline.parity)
+        bayes(bus, fcc, s, p, st, baseline.bayes)
+        innovation(bus, fcc, s, p, st, baseline.innovation)
+        weighted(bus, fcc, s, p, st, baseline.weighted)
+        gate_mean(bus, fcc, s, p, st, baseline.gate_mean)
+        window_median(bus, fcc, s, p, st, baseline.window_median)
+        variance_mean(bus, fcc, s, p, st, baseline.variance_mean)
+        inverse_mean(bus, fcc, s, p, st, baseline.inverse_mean)
+        trimmed_mean(bus, fcc, s, p, st, baseline.trimmed_mean)
+        mid_value(bus, fcc, s, p, st, baseline.mid_value)
+        cross_voter_learned(bus, fcc, s, p, st, baseline.cross_voter)
     selection_learned(bus, fcc, data, baseline.selection)

@@ -116,8 +116,7 @@ def settle(decided_by, p, st):
     settled, level = has_stood(decided_by, p, st), st["level"]
     if 0 < p["unresolved_frames"] <= st["unresolved_frames"]:
         decided_by = DecidedBy.GIVEN_UP.value
-        for c in range(p["fitted"]):
-            st["failed"][c] = True
+        st["failed"][: p["fitted"]] = True
     latch(settled, p, st)
     if st["level"] != level:
         st["after_extremes"] = settled and decided_by == DecidedBy.EXTREMES and st["level"] == 2

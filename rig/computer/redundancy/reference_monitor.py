@@ -76,8 +76,7 @@ def cut_pair(decided_by, n, reference, p, st):
     st["cut_frames"] = st["cut_frames"] + 1 if far else 0
     if st["cut_frames"] < p["persistence"]:
         return decided_by
-    for c in range(p["fitted"]):
-        st["failed"][c] = True
+    st["failed"][: p["fitted"]] = True
     return DecidedBy.REFERENCE.value
 
 
@@ -133,8 +132,7 @@ def watch_common(decided_by, n, vote, reference, second, p, st):
     st["common_mode"] = st["common_run"] >= p["common_persistence"]
     if not st["common_mode"] or p["common_fails"] == 0:
         return decided_by
-    for c in range(p["fitted"]):
-        st["failed"][c] = True
+    st["failed"][: p["fitted"]] = True
     st["reference_usable"], st["reference_run"] = 1, 0
     return DecidedBy.COMMON.value
 

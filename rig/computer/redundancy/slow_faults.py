@@ -34,18 +34,19 @@ def summed_from(n, reference, p, st):
 
     With slow-fault tests it is the median of the samples without their biases; without tests ``middle``.
     """
-    return middle_without_bias(n, st, st["tests"]) if p["slow_means"] > 0.0 else middle(n, reference, st)
+    if p["slow_means"] > 0.0:
+        return middle_without_bias(n, st, st["tests"])
+    return middle(st["x"], st["order"], n, reference if st["reference_usable"] else np.nan)
 
 
 @kernel
-def middle(n, reference, st):
-    """Return the middle of ``n`` ranked samples, n >= 1: their median, or the usable reference.
+def middle(values, order, n, reference):
+    """Return the middle of ``n`` ranked values, n >= 1: their median, or for an even number a usable reference.
 
-    For an even number it is the reference, limited to the range between the two middle ones; reference : NaN for none
+    The reference is limited to the range between the two middle ones; NaN where there is none, or none is usable.
     """
-    x, order = st["x"], st["order"]
-    low, high = x[order[(n - 1) // 2]], x[order[n // 2]]
-    if n % 2 == 0 and st["reference_usable"] and not np.isnan(reference):
+    low, high = values[order[(n - 1) // 2]], values[order[n // 2]]
+    if n % 2 == 0 and not np.isnan(reference):
         return opinions.middle(high, low, reference)
     return vote.mean(low, high, 0.5)
 
@@ -98,8 +99,7 @@ def largest_sum(n, limit, st):
 @kernel
 def begin_sums(st):
     """Set all sums of a signal to zero: another number of channels has another middle."""
-    st["above"][:] = 0.0
-    st["below"][:] = 0.0
+    st["above"][:] = st["below"][:] = 0.0
 
 
 @kernel

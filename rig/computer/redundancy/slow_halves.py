@@ -56,10 +56,8 @@ def reached(frames, burst):
 def begin_halves(n, t):
     """Begin the means of all ways again, with ``n`` channels in use."""
     t["halves_run"], t["halves_share"], t["halves_shaken"] = 0, 0.0, 0.0
-    for way in range(WAYS):
-        t["apart_mean"][way] = t["apart_product"][way] = 0.0
-        noise = (2.0 if n == 2 else 1.0) * t["halves_noise"]
-        t["apart_energy"][way] = t["apart_whole"][way] = t["apart_square"][way] = noise
+    t["apart_mean"][:] = t["apart_product"][:] = 0.0
+    t["apart_energy"][:] = t["apart_whole"][:] = t["apart_square"][:] = (2.0 if n == 2 else 1.0) * t["halves_noise"]
 
 
 @kernel

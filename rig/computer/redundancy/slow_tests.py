@@ -187,9 +187,8 @@ def follow_vote(m, n, p, st):
 def begin_again(n, t):
     """Begin all means again, with ``n`` channels in use: another number has another middle.  Biases stay."""
     t["level"], t["shaken"] = n, 0.0
-    for c in range(CHANNELS):
-        t["fast"][c] = t["slow"][c] = t["share"][c] = 0.0
-        t["square"][c] = t["whole"][c] = t["noise"]
+    t["fast"][:] = t["slow"][:] = t["share"][:] = 0.0
+    t["square"][:] = t["whole"][:] = t["noise"]
     begin_halves(n, t)
     begin_noise(t)
 
@@ -202,8 +201,7 @@ def forget_tests(st):
     t["known"] = t["limits_until"] = 0.0
     t["noise"] = t["reference_bias"] = t["rate"] = t["usual_rate"] = t["motion"] = t["halves_noise"] = 0.0
     t["vote_off"] = t["reference_vote"] = t["reference_rate"] = t["roughest"] = 0.0
-    for c in range(CHANNELS):
-        t["bias"][c] = t["share"][c] = 0.0
+    t["bias"][:] = t["share"][:] = 0.0
 
 
 @kernel

@@ -7,18 +7,13 @@ from typing import Any, Final
 
 from pydantic import Field
 
+from rig.computer.redundancy.manager_params import told
 from rig.core.settings import Settings
 from rig.world.sensors.data_sheet import DataSheet
 
 BIAS: Final = 2.0  # bias tolerances that a residual may be: that of a channel and that of the median
 NOISE: Final = 0.5  # of the noise of a sample: the least that residuals are measured by
-OFF: Final[Mapping[str, float]] = dict.fromkeys(
-    (
-        *("slow_means", "slow_squares", "slow_halves", "slow_bias", "slow_scale", "slow_noise", "slow_skew"),
-        *("slow_reference", "slow_reference_frames"),
-    ),
-    0.0,
-)
+OFF: Final[Mapping[str, float]] = dict.fromkeys(told("slow_tests"), 0.0)
 
 
 class SlowTests(Settings):

@@ -33,17 +33,15 @@ _FLOOR: Final = 1e-3  # of the spread: least standard deviation of samples, so t
 
 
 @kernel
-def variance_mean(bus, fcc, data, on):
-    """Vote the mean weighted by the inverse variance of each channel's last samples."""
+def variance_mean(bus, fcc, s, p, st, on):
+    """Vote signal s by the mean weighted by the inverse variance of each channel's last samples."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        n = ranked(bus, s, p, st)
-        for i in range(n):
-            c = st["order"][i]
-            st["statistic"][c] = 1.0 / (variance(c, p, st) + (_FLOOR * p["spread"]) ** 2)
-        finish(bus, fcc, s, by_weights(n, st), n, p, st)
+    n = ranked(bus, s, p, st)
+    for i in range(n):
+        c = st["order"][i]
+        st["statistic"][c] = 1.0 / (variance(c, p, st) + (_FLOOR * p["spread"]) ** 2)
+    finish(bus, fcc, s, by_weights(n, st), n, p, st)
 
 
 @kernel
@@ -62,20 +60,18 @@ def variance(c, p, st):
 
 
 @kernel
-def inverse_mean(bus, fcc, data, on):
-    """Vote the mean weighted by the inverse mean square of each residual from the median."""
+def inverse_mean(bus, fcc, s, p, st, on):
+    """Vote signal s by the mean weighted by the inverse mean square of each residual from the median."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        n = ranked(bus, s, p, st)
-        x, order = st["x"], st["order"]
-        middle = mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5) if n > 0 else st["vote"]
-        for i in range(n):
-            c = order[i]
-            st["energy"][c] += ((x[c] - middle) ** 2 - st["energy"][c]) / p["window"]
-            st["statistic"][c] = 1.0 / (st["energy"][c] + p["spread"] ** 2)
-        finish(bus, fcc, s, by_weights(n, st), n, p, st)
+    n = ranked(bus, s, p, st)
+    x, order = st["x"], st["order"]
+    middle = mean(x[order[(n - 1) // 2]], x[order[n // 2]], 0.5) if n > 0 else st["vote"]
+    for i in range(n):
+        c = order[i]
+        st["energy"][c] += ((x[c] - middle) ** 2 - st["energy"][c]) / p["window"]
+        st["statistic"][c] = 1.0 / (st["energy"][c] + p["spread"] ** 2)
+    finish(bus, fcc, s, by_weights(n, st), n, p, st)
 
 
 @kernel
@@ -96,39 +92,35 @@ def by_weights(n, st):
 
 
 @kernel
-def trimmed_mean(bus, fcc, data, on):
-    """Vote the mean of what is left when a share of the samples is cut off at either end."""
+def trimmed_mean(bus, fcc, s, p, st, on):
+    """Vote signal s by the mean of what is left when a share of the samples is cut off at either end."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        n = ranked(bus, s, p, st)
-        cut = min(p["share"] * n, 0.5 * n - 0.5)  # of a single sample, or the two in the middle, half stays
-        for i in range(n):
-            end = min(i, n - 1 - i)
-            st["statistic"][st["order"][i]] = min(max(end + 1.0 - cut, 0.0), 1.0)
-        finish(bus, fcc, s, by_weights(n, st), n, p, st)
+    n = ranked(bus, s, p, st)
+    cut = min(p["share"] * n, 0.5 * n - 0.5)  # of a single sample, or the two in the middle, half stays
+    for i in range(n):
+        end = min(i, n - 1 - i)
+        st["statistic"][st["order"][i]] = min(max(end + 1.0 - cut, 0.0), 1.0)
+    finish(bus, fcc, s, by_weights(n, st), n, p, st)
 
 
 @kernel
-def mid_value(bus, fcc, data, on):
-    """Vote the middle one of the first three channels in service; of two the mean."""
+def mid_value(bus, fcc, s, p, st, on):
+    """Vote signal s by the middle one of the first three channels in service; of two the mean."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        n = ranked(bus, s, p, st)
-        x, order, spare = st["x"], st["order"], 0
-        for i in range(n):
-            spare = max(spare, order[i])
-        low, high, taken = 0.0, 0.0, 0
-        kept = n if n < CHANNELS else CHANNELS - 1
-        for i in range(n):
-            if n == CHANNELS and order[i] == spare:
-                continue
-            if taken == (kept - 1) // 2:
-                low = x[order[i]]
-            if taken == kept // 2:
-                high = x[order[i]]
-            taken += 1
-        finish(bus, fcc, s, mean(low, high, 0.5) if n > 0 else st["vote"], n, p, st)
+    n = ranked(bus, s, p, st)
+    x, order, spare = st["x"], st["order"], 0
+    for i in range(n):
+        spare = max(spare, order[i])
+    low, high, taken = 0.0, 0.0, 0
+    kept = n if n < CHANNELS else CHANNELS - 1
+    for i in range(n):
+        if n == CHANNELS and order[i] == spare:
+            continue
+        if taken == (kept - 1) // 2:
+            low = x[order[i]]
+        if taken == kept // 2:
+            high = x[order[i]]
+        taken += 1
+    finish(bus, fcc, s, mean(low, high, 0.5) if n > 0 else st["vote"], n, p, st)

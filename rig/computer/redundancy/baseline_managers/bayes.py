@@ -50,26 +50,21 @@ class Bank(NamedTuple):
 
 
 @kernel
-def bayes(bus, fcc, data, on):
-    """Weigh all sets of faulty members of each signal, and vote the mean of the quantity over them."""
+def bayes(bus, fcc, s, p, st, on):
+    """Weigh all sets of faulty members of signal s, and vote the mean of the quantity over them."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        voted, worst = at.middle, -1
-        if at.n > 1:
-            bank = take(at, p, st)
-            onsets(bank.part, p, st)
-            weigh(bank, p, st)
-            normalise(bank.part, p, st)
-            log_odds(bank.part, st)
-            worst, voted = step.largest_above(at.n, step.limit_of(at.n, p), st), posterior_mean(bank.part, at, p, st)
-        step.learn(at, step.limit_of(at.n, p), p, st)
-        step.isolate(at, step.slow_faults(worst, p, st), p, st)
-        if step.end(bus, fcc, s, at, voted, p, st):
-            step.begin_again(st)
-            st["began"] = 0
+    at = step.begin(bus, fcc, s, p, st)
+    voted, worst = at.middle, step.NO_CHANNEL
+    if at.n > 1:
+        bank = take(at, p, st)
+        onsets(bank.part, p, st)
+        weigh(bank, p, st)
+        normalise(bank.part, p, st)
+        log_odds(bank.part, st)
+        worst, voted = step.largest_above(at.n, p, st), posterior_mean(bank.part, at, p, st)
+    if step.end(bus, fcc, s, at, step.slow_faults(worst, p, st), voted, p, st):
+        st["began"] = 0
 
 
 @kernel

@@ -32,24 +32,19 @@ GLR_STATE: Final = (
 
 
 @kernel
-def glr(bus, fcc, data, on):
-    """Look for a step or ramp of each channel's residual from the middle, and vote the middle of each signal."""
+def glr(bus, fcc, s, p, st, on):
+    """Look for a step or ramp of each channel's residual of signal s, and vote the middle."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        limit = step.limit_of(at.n, p)
-        if at.n > 1:
-            take(at, limit, p, st)
-            search(limit, p, st)
-        step.learn(at, limit, p, st)
-        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
-        if step.end(bus, fcc, s, at, at.middle, p, st):
-            step.begin_again(st)
-            st["window"][:] = 0.0
-            st["energy"][:] = 0.0
-            st["filled"] = st["place"] = 0
+    at = step.begin(bus, fcc, s, p, st)
+    limit = step.limit_of(at.n, p)
+    if at.n > 1:
+        take(at, limit, p, st)
+        search(limit, p, st)
+    if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), at.middle, p, st):
+        st["window"][:] = 0.0
+        st["energy"][:] = 0.0
+        st["filled"] = st["place"] = 0
 
 
 @kernel

@@ -15,9 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from rig.computer.redundancy import opinions
 from rig.computer.redundancy.compare import sort_again
-from rig.computer.redundancy.median_vote import mean
+from rig.computer.redundancy.slow_faults import middle
 from rig.core.frame import CHANNELS
 from rig.core.kernels import kernel
 
@@ -32,10 +31,7 @@ CALM: Final = 0.5  # of a limit
 
 @kernel
 def take_off(n, reference, p, st):
-    """Write ``y`` of the ``n`` ranked samples; return its middle, the last vote for none.
-
-    reference : NaN where it is not usable; of an even number it is held between the two middle ones
-    """
+    """Write ``y`` of the ``n`` ranked samples; return its ``slow_faults.middle``, the last vote for none."""
     y, order = st["y"], st["y_order"]
     if n == 0:
         return st["vote"]
@@ -44,10 +40,7 @@ def take_off(n, reference, p, st):
         y[c], order[i] = st["x"][c] - st["learned_bias"][c], c
     if p["bias_bound"] > 0.0:
         sort_again(y, order, n)
-    low, high = y[order[(n - 1) // 2]], y[order[n // 2]]
-    if n % 2 == 0 and not np.isnan(reference):
-        return opinions.middle(high, low, reference)
-    return mean(low, high, 0.5)
+    return middle(y, order, n, reference)
 
 
 @kernel

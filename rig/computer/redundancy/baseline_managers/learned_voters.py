@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from rig.computer.redundancy.baseline_managers.learned_bias import CALM, learn, take_off
-from rig.computer.redundancy.baselines import choose, comparable, compare_each, deviate, finish, ranked, sum_excess
+from rig.computer.redundancy.baselines import choose_by_deviation, comparable, compare_each, finish, ranked
+from rig.computer.redundancy.compare import sort_again
 from rig.computer.redundancy.median_vote import median
 from rig.computer.redundancy.persistence import readmit
 from rig.core.frame import CHANNELS
@@ -18,21 +19,19 @@ AS_UNIT = 2  # the signals are the axes of one unit
 
 
 @kernel
-def cross_voter_learned(bus, fcc, data, on):
-    """Vote the median of the channels in use, and compare each less its bias with the middle of all less theirs."""
+def cross_voter_learned(bus, fcc, s, p, st, on):
+    """Vote the median of signal s, and compare each channel less its bias with the middle of all less theirs."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        readmit(bus["reset"][s], p, st)
-        n = ranked(bus, s, p, st)
-        voted = median(st["x"], st["order"], n, st["miscomparing"], 0.5) if n else st["vote"]
-        center, calm = take_off(n, np.nan, p, st), True
-        compare_each(st["y"], center, n, p, st)
-        for i in range(n):
-            calm &= st["count"][st["order"][i]] <= CALM * p["persistence"]
-        learn(n, center, calm, p, st)
-        finish(bus, fcc, s, voted, n, p, st)
+    readmit(bus["reset"][s], p, st)
+    n = ranked(bus, s, p, st)
+    voted = median(st["x"], st["order"], n, st["miscomparing"], 0.5) if n else st["vote"]
+    center, calm = take_off(n, np.nan, p, st), True
+    compare_each(st["y"], center, n, p, st)
+    for i in range(n):
+        calm &= st["count"][st["order"][i]] <= CALM * p["persistence"]
+    learn(n, center, calm, p, st)
+    finish(bus, fcc, s, voted, n, p, st)
 
 
 @kernel
@@ -40,11 +39,9 @@ def selection_learned(bus, fcc, data, on):
     """Vote one channel of each signal, or of all axes of a unit, by deviations of the samples less their biases."""
     if on is None:  # not chosen
         return
-    first = 0
-    while first < len(data.params):
-        end = len(data.params) if on == AS_UNIT else first + 1
-        select_learned(bus, fcc, first, end, data)
-        first = end
+    axes = len(data.params) if on == AS_UNIT else 1
+    for first in range(0, len(data.params), axes):
+        select_learned(bus, fcc, first, first + axes, data)
 
 
 @kernel
@@ -56,9 +53,7 @@ def select_learned(bus, fcc, first, end, data):
     for s in range(first, end):
         for c in range(CHANNELS):
             state[s]["x"][c] -= state[s]["learned_bias"][c]
-        deviate(here, n, state[s])
-    sum_excess(here, n, first, end, p, state)
-    choose(here, p, st)
+    choose_by_deviation(here, n, first, end, p, state)
     calm = True
     for c in range(CHANNELS):
         if (here >> c) & 1 == 1:
@@ -67,23 +62,17 @@ def select_learned(bus, fcc, first, end, data):
         axis = state[s]
         for c in range(CHANNELS):
             axis["x"][c] += axis["learned_bias"][c]
-            axis["failed"][c] = st["failed"][c]
-        axis["selected"] = st["selected"]
-        ranks = count_ranked(here, axis)
-        learn(ranks, take_off(ranks, np.nan, params[s], axis), calm, params[s], axis)
+        rank_channels(here, axis)
+        learn(n, take_off(n, np.nan, params[s], axis), calm, params[s], axis)
         finish(bus, fcc, s, axis["x"][axis["selected"]], n, params[s], axis)
 
 
 @kernel
-def count_ranked(here, st):
-    """Keep the channels ``here``, bits, in ``order``, rising; return their number."""
-    kept, x, order = 0, st["x"], st["order"]
+def rank_channels(here, st):
+    """Write the channels ``here``, bits, into ``order``, rising."""
+    n = 0
     for c in range(CHANNELS):
         if (here >> c) & 1 == 1:
-            at = kept
-            while at > 0 and x[order[at - 1]] > x[c]:
-                order[at] = order[at - 1]
-                at -= 1
-            order[at] = c
-            kept += 1
-    return kept
+            st["order"][n] = c
+            n += 1
+    sort_again(st["x"], st["order"], n)

@@ -17,20 +17,15 @@ from rig.core.kernels import kernel
 
 
 @kernel
-def parity(bus, fcc, data, on):
-    """Compare the parity vector of each signal with its limit, and vote the mean of those in use."""
+def parity(bus, fcc, s, p, st, on):
+    """Compare the parity vector of signal s with its limit, and vote the mean of those in use."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        length = project(at, p, st) if at.n > 1 else 0.0
-        worst = blamed(at, st) if length > step.limit_of(at.n, p) else step.NO_CHANNEL
-        step.learn(at, step.limit_of(at.n, p), p, st)
-        step.isolate(at, step.slow_faults(worst, p, st), p, st)
-        voted = at.middle if p["votes_middle"] or at.n == 0 else mean_of(st, at.n)
-        if step.end(bus, fcc, s, at, voted, p, st):
-            step.begin_again(st)
+    at = step.begin(bus, fcc, s, p, st)
+    length = project(at, p, st) if at.n > 1 else 0.0
+    worst = blamed(at, st) if length > step.limit_of(at.n, p) else step.NO_CHANNEL
+    voted = at.middle if p["votes_middle"] or at.n == 0 else mean_of(st, at.n)
+    step.end(bus, fcc, s, at, step.slow_faults(worst, p, st), voted, p, st)
 
 
 @kernel

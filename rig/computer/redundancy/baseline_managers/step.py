@@ -12,8 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from rig.computer.redundancy.baseline_managers.learned_bias import BIAS_STATE, are_calm, take_off
-from rig.computer.redundancy.baseline_managers.learned_bias import learn as learn_bias
+from rig.computer.redundancy.baseline_managers.learned_bias import BIAS_STATE, are_calm, learn, take_off
 from rig.computer.redundancy.compare import classify, rank, threshold
 from rig.computer.redundancy.manager import anchor, beside, publish, report
 from rig.computer.redundancy.persistence import latch, readmit, watch_failed
@@ -61,11 +60,11 @@ def begin(bus, fcc, s, p, st):
     pattern = classify(st["x"], st["order"], n, st["threshold"], st["miscomparing"])
     st["pattern_frames"] = st["pattern_frames"] + 1 if pattern == st["pattern"] else 1
     st["pattern"], st["held"], st["alarm"] = pattern, False, False
-    for c in range(CHANNELS):
-        st["miscomparing"][c] = False
+    st["miscomparing"][:] = False
     usable = st["reference_usable"] != 0 and not np.isnan(reference)
-    center = take_off(n, reference if usable else np.nan, p, st)
-    return At(n, middle(n, reference, st) if n > 0 else st["vote"], center, reference, usable)
+    asked = reference if usable else np.nan
+    of_samples = middle(st["x"], st["order"], n, asked) if n > 0 else st["vote"]
+    return At(n, of_samples, take_off(n, asked, p, st), reference, usable)
 
 
 @kernel
@@ -76,21 +75,15 @@ def residual(c, at, unit, st):
 
 
 @kernel
-def learn(at, limit, p, st):
-    """Learn the biases, unless a statistic is above half of the limit."""
-    learn_bias(at.n, at.center, p["bias_bound"] <= 0.0 or are_calm(at.n, limit, st), p, st)
-
-
-@kernel
 def limit_of(n, p):
     """Return the limit while ``n`` samples are compared."""
     return p["limit"][min(max(CHANNELS - n, 0), 2)]
 
 
 @kernel
-def largest_above(n, limit, st):
-    """Return the channel with the largest statistic above ``limit``, or ``NO_CHANNEL``."""
-    worst, largest = NO_CHANNEL, limit
+def largest_above(n, p, st):
+    """Return the channel with the largest statistic above the limit, or ``NO_CHANNEL``."""
+    worst, largest = NO_CHANNEL, limit_of(n, p)
     for i in range(n):
         c = st["order"][i]
         if st["statistic"][c] > largest:
@@ -136,8 +129,14 @@ def even_split(at, largest, st):
 
 
 @kernel
-def end(bus, fcc, s, at, voted, p, st):
-    """Vote, count, latch, publish and report signal s of a row; return True if its level has changed."""
+def end(bus, fcc, s, at, worst, voted, p, st):
+    """Learn biases, isolate channel ``worst``, vote and report signal s of a row; return True if its level has changed.
+
+    Then it forgets what all baseline managers keep of a signal: another number of channels has another middle.
+    """
+    # No bias is learned while a statistic is above half of the limit.
+    learn(at.n, at.center, p["bias_bound"] <= 0.0 or are_calm(at.n, limit_of(at.n, p), st), p, st)
+    isolate(at, worst, p, st)
     samples, valid, reference, decided_by = bus["channels"][s], bus["valid"][s], at.reference, DecidedBy.NONE.value
     second = beside(fcc["second_reference"][s], at.middle, p) if st["started"] else np.nan
     if at.n == 0:
@@ -153,11 +152,14 @@ def end(bus, fcc, s, at, voted, p, st):
     level = st["level"]
     latch(False, p, st)
     publish(voted, p, st)
-    fcc["voted"][s], fcc["level"][s], fcc["pattern"][s] = st["output"], st["level"], st["pattern"]
     fcc["decided_by"][s], fcc["common_mode"][s] = decided_by, st["common_mode"]
     fcc["reference_usable"][s] = st["reference_usable"] if np.isfinite(fcc["reference"][s]) else 0
-    report(p, st, fcc["state"][s])
-    return level != st["level"]
+    report(fcc, s, p, st)
+    if level == st["level"]:
+        return False
+    st["run"], st["run_of"] = 0, NO_CHANNEL
+    st["statistic"][:] = 0.0
+    return True
 
 
 @kernel
@@ -170,10 +172,3 @@ def count(n, p, st):
         if not st["failed"][c]:
             off = (ranked >> c) & 1 == 0 or st["miscomparing"][c]
             st["count"][c] = st["count"][c] + 1 if off else 0
-
-
-@kernel
-def begin_again(st):
-    """Forget what all baseline managers keep of a signal: another number of channels has another middle."""
-    st["run"], st["run_of"] = 0, NO_CHANNEL
-    st["statistic"][:] = 0.0

@@ -21,26 +21,20 @@ _LEAD: Final = 0.5  # of the limit: by so much less a sum must be for the select
 
 
 @kernel
-def cusum(bus, fcc, data, on):
-    """Sum the residuals of each channel from the middle, upwards and downwards, and vote the middle of each signal."""
+def cusum(bus, fcc, s, p, st, on):
+    """Sum the residuals of each channel of signal s, upwards and downwards, and vote the middle."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        limit = step.limit_of(at.n, p)
-        for i in range(at.n if at.n > 1 else 0):
-            c = st["order"][i]
-            u = step.residual(c, at, p["spread"], st)
-            st["up"][c] = summed(st["up"][c], u, limit, p)
-            st["down"][c] = summed(st["down"][c], -u, limit, p)
-            st["statistic"][c] = max(st["up"][c], st["down"][c])
-        step.learn(at, limit, p, st)
-        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
-        if step.end(bus, fcc, s, at, at.middle, p, st):
-            step.begin_again(st)
-            st["up"][:] = 0.0
-            st["down"][:] = 0.0
+    at = step.begin(bus, fcc, s, p, st)
+    limit = step.limit_of(at.n, p)
+    for i in range(at.n if at.n > 1 else 0):
+        c = st["order"][i]
+        u = step.residual(c, at, p["spread"], st)
+        st["up"][c] = summed(st["up"][c], u, limit, p)
+        st["down"][c] = summed(st["down"][c], -u, limit, p)
+        st["statistic"][c] = max(st["up"][c], st["down"][c])
+    if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), at.middle, p, st):
+        st["up"][:] = st["down"][:] = 0.0
 
 
 @kernel
@@ -53,25 +47,20 @@ def summed(last, u, limit, p):
 
 
 @kernel
-def innovation(bus, fcc, data, on):
+def innovation(bus, fcc, s, p, st, on):
     """Sum how much further each channel is from the reference than the nearest, and vote the one with the least sum.
 
     The selection is left for a sum that is less by half of the limit.  While no reference can be used the sums hold.
     """
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        limit = step.limit_of(at.n, p)
-        if at.usable and at.n > 1:
-            sum_distances(at, limit, p, st)
-        step.learn(at, limit, p, st)
-        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
-        select_least(at.n, _LEAD * limit, st)
-        voted = st["x"][st["selected"]] if at.n > 0 else at.middle
-        if step.end(bus, fcc, s, at, voted, p, st):
-            step.begin_again(st)
+    at = step.begin(bus, fcc, s, p, st)
+    limit = step.limit_of(at.n, p)
+    if at.usable and at.n > 1:
+        sum_distances(at, limit, p, st)
+    select_least(at.n, _LEAD * limit, st)
+    voted = st["x"][st["selected"]] if at.n > 0 else at.middle
+    step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), voted, p, st)
 
 
 @kernel

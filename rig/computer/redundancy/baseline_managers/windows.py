@@ -30,23 +30,16 @@ GATE_STATE: Final = (("deviation", "f8", (CHANNELS,)), ("integral", "f8", (CHANN
 
 
 @kernel
-def window_median(bus, fcc, data, on):
-    """Compare the median of each residual over the window with the limit, and vote the middle of each signal."""
+def window_median(bus, fcc, s, p, st, on):
+    """Compare the median of each residual of signal s over the window with the limit, and vote the middle."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        limit = step.limit_of(at.n, p)
-        if at.n > 1:
-            take(at, p, st)
-        step.learn(at, limit, p, st)
-        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
-        if step.end(bus, fcc, s, at, at.middle, p, st):
-            step.begin_again(st)
-            st["window"][:] = 0.0
-            st["sorted"][:] = 0.0
-            st["place"] = 0
+    at = step.begin(bus, fcc, s, p, st)
+    if at.n > 1:
+        take(at, p, st)
+    if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), at.middle, p, st):
+        st["window"][:] = st["sorted"][:] = 0.0
+        st["place"] = 0
 
 
 @kernel
@@ -79,22 +72,16 @@ def replace(rising, old, new, n):
 
 
 @kernel
-def gate_mean(bus, fcc, data, on):
-    """Integrate what each channel's deviation from the mean exceeds the gate by, and vote the mean of those in use."""
+def gate_mean(bus, fcc, s, p, st, on):
+    """Integrate what each deviation from the mean of signal s exceeds the gate by, and vote that mean."""
     if on is None:  # not chosen
         return
-    for s in range(len(data.params)):
-        p, st = data.params[s], data.state[s]
-        at = step.begin(bus, fcc, s, p, st)
-        limit = step.limit_of(at.n, p)
-        if at.n > 1:
-            deviate(at, limit, p, st)
-        step.learn(at, limit, p, st)
-        step.isolate(at, step.largest_above(at.n, limit, st), p, st)
-        if step.end(bus, fcc, s, at, mean_of(st, at.n) if at.n > 0 else at.middle, p, st):
-            step.begin_again(st)
-            st["deviation"][:] = 0.0
-            st["integral"][:] = 0.0
+    at = step.begin(bus, fcc, s, p, st)
+    if at.n > 1:
+        deviate(at, step.limit_of(at.n, p), p, st)
+    voted = mean_of(st, at.n) if at.n > 0 else at.middle
+    if step.end(bus, fcc, s, at, step.largest_above(at.n, p, st), voted, p, st):
+        st["deviation"][:] = st["integral"][:] = 0.0
 
 
 @kernel
