@@ -101,6 +101,10 @@ def white(sigma: float, flights: int, frames: int, seed: int = 1) -> Healthy:
     return Healthy({"pitch_rate": made}, flights * frames / RATE_HZ / 3600.0, "")
 
 
+class NoStep:
+    limit = 1.0
+
+
 class Designed(Limited):
     """Takes its limit from the healthy data: the largest magnitude of a sample, with a margin."""
 
@@ -136,4 +140,6 @@ class Odd(Limited):
     def design(cls, healthy: Any) -> Any:
         if cls.answer == "write":
             healthy.channels[0][:] = 0.0
+        if cls.answer == "unlock":
+            healthy.channels[0].setflags(write=True)
         return cls.answer

@@ -11,6 +11,7 @@ from rig.core.errors import BadInput
 from rig.studies.benchmark.benchmark_trials import Runner, Told, shared_out
 from rig.studies.benchmark.calibration import Calibrated, calibrate
 from rig.studies.benchmark.entrants import Entrant, entrants, isolates_no_channel
+from rig.studies.benchmark.healthy_flights import scaled
 from rig.studies.benchmark.own_class import calibrated_number, voted, with_values
 
 NAME = "benchmark_flights:Limited"
@@ -58,6 +59,7 @@ def test_without_a_number_it_is_compared_by_its_vote_alone():
     [
         ("benchmark_flights:Nameless", "calibrate = 'gain': the class has no number above 0 of this name"),
         ("benchmark_flights:Absent", "cannot be imported"),
+        ("benchmark_flights:NoStep", r"the class has no step\(bus, fcc, k\)"),
         ("no_such_module:Voter", "cannot be imported"),
     ],
 )
@@ -78,6 +80,13 @@ def test_a_class_designs_itself_from_the_healthy_data_of_each_signal():
     found = calibrate(own, white_signal(), healthy, 30.0)
     assert found.values == {"limit": pytest.approx(1.5 * largest)} and found.seen == 0
     assert not isolates_no_channel(own, white_signal()) and benchmark_flights.Designed.limit == 2.0
+
+
+def test_only_the_number_that_is_calibrated_is_scaled():
+    """Not others whose names begin as its name does, which may be lists."""
+    (own,) = entrants(NAME)[4:]
+    values = {"limit": 2.0, "limit_gain": 3.0, "limits": [1.0, 2.0]}
+    assert scaled(own, white_signal(), values, 16) == {"limit": 1.0, "limit_gain": 3.0, "limits": [1.0, 2.0]}
 
 
 @pytest.mark.long
@@ -104,6 +113,7 @@ def test_a_class_with_both_is_calibrated_behind_its_design():
         ({"limit": float("nan")}, "design: limit: must be a finite number"),
         ({"limit": [1.0] * 10_001}, "design: limit: must be a finite number"),
         ("write", "design: pitch_rate: raised ValueError: assignment destination is read-only"),
+        ("unlock", "design: pitch_rate: raised ValueError: cannot set WRITEABLE flag to True of this array"),
     ],
 )
 def test_a_design_that_is_no_settings_is_one_line(monkeypatch: pytest.MonkeyPatch, answer: object, said: str):

@@ -1,5 +1,6 @@
 """A benchmark of recordings: half of them calibrates, the other half has the faults."""
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,12 @@ from rig.core.errors import BadInput
 from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark import injected
 from rig.studies.benchmark.benchmark_trials import typed
-from rig.studies.benchmark.entrants import BUILT_IN, OURS, TESTS, TESTS_AND_SUMS, entrants
-from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, benchmark
-from rig.studies.benchmark.outcome_table import RECORDING, differences
+from rig.studies.benchmark.entrants import BUILT_IN, OURS, TESTS, TESTS_AND_SUMS, OfSignal, entrants
+from rig.studies.benchmark.on_recordings import BEFORE_S, MARGINS, PIECES, _chosen, benchmark
+from rig.studies.benchmark.outcome_table import RECORDING, differences, table
 from rig.studies.thresholds.data import Data, load
 from rig.studies.thresholds.design import DataBlock
+from rig.studies.thresholds.pieces import parameters
 from rig.studies.thresholds.tradeoff import pieces
 
 CONFIG = VoteConfig.model_validate({"default": {"threshold": 1.0, "persistence": 3}})
@@ -134,6 +136,50 @@ def test_a_tuned_manager_gets_a_bias_and_a_persistence_where_channels_differ(tmp
     assert {row["place"] for row in found["table"]} == {"alone"} and found["silent"] == []
 
 
+def test_votes_that_are_no_number_are_counted_and_written_as_nothing():
+    at = np.arange(10)
+    plain = {"combination": 0, "trial": at, "signal": "x", "place": "alone", "kind": "stuck", "faults": 1}
+    plain |= {"size": None, "reference": "absent", "budget_per_h": 0.0, "delay_s": 0.1, "outcome": "missed"}
+    peaks = {"median": np.where(at < 6, np.inf, 0.5), OURS: np.full(10, 0.5)}
+    rows = pl.concat([typed(plain | {"manager": name, "peak": peak}) for name, peak in peaks.items()])
+    of = {row["manager"]: row for row in table(rows) if row["kind"] == "all"}
+    assert of["median"]["no_number"] == 6 and of["median"]["peak_largest"] is of["median"]["peak_median"] is None
+    assert of[OURS]["no_number"] == 0 and of[OURS]["peak_largest"] == 0.5
+    (row, *_) = differences(rows)
+    assert row["peak_larger"] == 6 and row["peak_smaller"] == 0
+    json.dumps([*of.values(), row], allow_nan=False)
+
+
+def test_a_recording_with_a_channel_that_stands_out_is_left_out_and_told(tmp_path: Path):
+    write(tmp_path, 4, names="x")
+    table_of = pl.read_csv(tmp_path / "flight_1.csv")
+    table_of = table_of.with_columns(pl.col("x.2") + 9.0 * (pl.col("time_s") > 8.0))
+    table_of.write_csv(tmp_path / "flight_1.csv")
+    found = benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+    (note,) = [note for note in found["notes"] if "stands out" in note]
+    assert "flight_1.csv: x.2 stands out" in note and note.endswith("left out for this signal")
+    (tmp_path / "flight_3.csv").unlink()
+    (tmp_path / "flight_2.csv").unlink()
+    with pytest.raises(BadInput, match=r"--recordings: x: fewer than 2 healthy recordings; .*x\.2 stands out"):
+        benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+
+
+def test_channels_that_do_not_differ_are_one_line(tmp_path: Path):
+    write(tmp_path, 4, apart=0.0, noise=(0.0,), names="x")
+    with pytest.raises(BadInput, match="--recordings: x: the channels do not differ; nothing can be calibrated"):
+        benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("cusum"))
+
+
+@pytest.mark.long
+def test_of_two_recordings_a_reserve_is_chosen_by_the_halves_of_each(tmp_path: Path):
+    write(tmp_path, 2, seconds=60, apart=0.0, noise=(0.02,), names="x")
+    data = load([tmp_path], CONFIG, "config")
+    (own,) = entrants("cross-voter")[4:]
+    signal = OfSignal("x", parameters(data.settings["x"], 4, 50.0), data.settings["x"], CONFIG.baselines, 50.0, None)
+    found = [_chosen(own, signal, [block])["threshold"] / of_three_in_a_row([block]) for block in data.signals["x"]]
+    assert max(found) > 0.99 * MARGINS[1]  # levels that just hold in a half do not hold in the other
+
+
 def test_pieces_name_the_recording_that_each_is_of(data: Data):
     cut = pieces(data.signals["x"], PIECES, BEFORE_S)
     assert cut is not None and np.array_equal(cut.flight, np.repeat(np.arange(4), PIECES // 4))
@@ -179,6 +225,8 @@ def test_too_few_or_too_short_recordings_are_one_line(tmp_path: Path):
     [
         ([], "--recordings: needs --config"),
         (["--config", "c.toml", "--healthy", "H"], "--healthy: not with --recordings"),
+        (["--config", "c.toml", "--trials", "7"], "--trials: not with --recordings"),
+        (["--config", "c.toml", "--budget", "1"], "--budget: not with --recordings"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_line(rig_command: Any, more: list[str], said: str):
@@ -195,7 +243,9 @@ def test_a_benchmark_without_anything_says_what_is_needed(rig_command: Any):
 def test_what_is_printed_names_the_number_of_recordings_and_where_the_other_losses_are(
     capsys: pytest.CaptureFixture[str],
 ):
-    empty: dict[str, list[Any]] = {"levels": [], "table": [], "differences": []}
+    empty: dict[str, list[Any]] = {"levels": [], "table": [], "differences": [], "notes": ["as told"]}
     _show_recordings({"losses": ["LOSS"] * 30, "hours": 0.1, "recordings": 2, **empty})
     said = capsys.readouterr().out
-    assert "6 more with --json" in said and "2 recordings; trials of one are alike" in said
+    assert (
+        "6 more with --json" in said and "note: as told\n" in said and "2 recordings; trials of one are alike" in said
+    )

@@ -46,8 +46,18 @@ def read_once() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def healthy(once: Any) -> Path:
+    """Six flights, and beside their folder six others in ``second``."""
     campaign = read(HEALTHY, {"duration_s": 10.0}).model_copy(update={"runs": 6})
-    return once("benchmark-healthy", lambda place: fly(Plan(campaign, str(HEALTHY)), place / "out", workers=1).out)
+
+    def make(place: Path) -> Path:
+        fly(Plan(campaign.model_copy(update={"seed": campaign.seed + 1}), str(HEALTHY)), place / "second", workers=1)
+        return fly(Plan(campaign, str(HEALTHY)), place / "out", workers=1).out
+
+    return once("benchmark-healthy", make)
+
+
+def other(healthy: Path) -> Path:
+    return healthy.parent / "second"
 
 
 def asked(healthy: Path, **more: Any) -> Asked:
@@ -57,7 +67,7 @@ def asked(healthy: Path, **more: Any) -> Asked:
 @pytest.fixture(scope="module")
 def whole(healthy: Path, once: Any) -> tuple[Path, dict[str, Any]]:
     def make(place: Path) -> tuple[Path, dict[str, Any]]:
-        return place / "out", run(small(), asked(healthy, second=healthy), place / "out")
+        return place / "out", run(small(), asked(healthy, second=other(healthy)), place / "out")
 
     return once("benchmark", make)
 
@@ -68,7 +78,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.long
 def test_two_workers_write_the_same_bytes(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
-    run(small(), asked(healthy, second=healthy), tmp_path / "two", workers=2)
+    run(small(), asked(healthy, second=other(healthy)), tmp_path / "two", workers=2)
     assert content(tmp_path / "two") == content(whole[0])
 
 
@@ -79,9 +89,9 @@ def test_an_interrupted_benchmark_goes_on_to_the_same_bytes(whole: tuple[Path, A
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt), listening(interrupt):
-        run(small(), asked(healthy, second=healthy), tmp_path / "cut")
+        run(small(), asked(healthy, second=other(healthy)), tmp_path / "cut")
     assert len(list((tmp_path / "cut" / "units").iterdir())) == 1 and not (tmp_path / "cut" / "result.json").exists()
-    run(small(), asked(healthy, second=healthy), tmp_path / "cut")
+    run(small(), asked(healthy, second=other(healthy)), tmp_path / "cut")
     assert content(tmp_path / "cut") == content(whole[0])
 
 
@@ -98,14 +108,14 @@ def test_a_killed_benchmark_goes_on_to_the_same_bytes(whole: tuple[Path, Any], h
     assert process.poll() is None and not (tmp_path / "cut" / "result.json").exists()
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    run(small(), asked(healthy, second=healthy), tmp_path / "cut")
+    run(small(), asked(healthy, second=other(healthy)), tmp_path / "cut")
     assert content(tmp_path / "cut") == content(whole[0])
 
 
 def killed(healthy: Path, out: Path) -> None:
     """Run the benchmark of ``whole`` in a process of its own, slowly, so that it can be killed on its way."""
     with listening(lambda what, *_: time.sleep(1.0 if what == "trials" else 0.0)):
-        run(small(), asked(healthy, second=healthy), out, workers=2)
+        run(small(), asked(healthy, second=other(healthy)), out, workers=2)
 
 
 def test_every_trial_has_one_outcome_for_each_entrant_and_all_kinds_add_up(whole: tuple[Path, dict[str, Any]]):
@@ -138,7 +148,7 @@ def test_another_benchmark_in_the_folder_is_refused_and_left_alone(
 ):
     out = shutil.copytree(whole[0], tmp_path / "copy")
     with pytest.raises(BadInput, match=r"--out .*: contains another benchmark: seed was 0, is 7"):
-        run(small(), asked(healthy, second=healthy, seed=7), out)
+        run(small(), asked(healthy, second=other(healthy), seed=7), out)
     assert content(out) == content(whole[0])
 
 
@@ -153,9 +163,9 @@ def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], health
     for data in (b"no parquet", bytes(flipped), other, flown):
         unit.write_bytes(data)
         with pytest.raises(BadInput, match=rf"{unit.name}: (it has no|its bytes|it was written).*remove it"):
-            run(small(), asked(healthy, second=healthy), out)
+            run(small(), asked(healthy, second=other(healthy)), out)
     unit.unlink()
-    run(small(), asked(healthy, second=healthy), out)
+    run(small(), asked(healthy, second=other(healthy)), out)
     assert content(out) == content(whole[0])
 
 
@@ -170,7 +180,7 @@ def test_a_damaged_benchmark_or_its_edited_levels_are_refused_in_one_line(
     for text in ("[1]", "{}", "1", "[" * 100_000, '{"a": 1e999}', edited):
         path.write_text(text)
         with pytest.raises(BadInput, match=rf"{name}|contains another benchmark") as error:
-            run(small(), asked(healthy, second=healthy), path.parent)
+            run(small(), asked(healthy, second=other(healthy)), path.parent)
         assert "\n" not in str(error.value)
 
 
@@ -259,3 +269,9 @@ def test_bad_input_is_one_line_and_nothing_is_written(
         "benchmark", str(campaign), "--json", *(word for pair in given.items() for word in pair)
     )
     assert (code, out, err.count("\n")) == (2, "", 1) and said in err and not (tmp_path / "out").exists()
+
+
+def test_flights_that_calibrate_are_no_second_campaign(healthy: Path, tmp_path: Path):
+    with pytest.raises(BadInput, match=r"--second: .*: the flights of --healthy; give others, of another seed"):
+        run(small(), asked(healthy, second=healthy), tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -30,6 +30,12 @@ def test_the_worst_loss_comes_first_and_what_may_be_chance_is_no_loss():
     ]
 
 
+def test_votes_that_are_no_number_are_named():
+    row = group("own:Voter", 0.0, 0.0, kind="all") | {"no_number": 6, "prior": 0, "wrong channel": 0}
+    assert said([row])[-1].startswith("own:Voter VOTES NO NUMBER in 6 of 100 trials: pitch_rate, alone, all kinds")
+    assert not any("NO NUMBER" in line for line in said([row | {"no_number": 0}]))
+
+
 def test_states_of_the_reference_that_change_nothing_share_a_sentence():
     rows = [group("parity", 0.1, 0.2, reference=state) for state in ("as flown", "absent", "jumping")]
     rows.append(group("parity", 0.05, 0.2, reference="off"))

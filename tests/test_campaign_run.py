@@ -170,6 +170,13 @@ def test_a_run_with_lanes_or_servos_has_the_digest_of_the_table_when_it_is_flown
     assert there == {(), ("servo",), ("computer",), ("servo", "computer")}
 
 
+@pytest.mark.parametrize("logs", ["some", "sample:x", "sample:0", ""])
+def test_other_logs_than_there_are_are_one_line_and_nothing_is_written(logs: str, tmp_path: Path):
+    with pytest.raises(BadInput, match="--logs: must be all, failures, none or sample:N, got"):
+        run(planned(write(tmp_path)), tmp_path / "out", runs=1, workers=1, logs=logs)
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_campaign_logs_in_chunks_as_large_as_they_may_be(tmp_path: Path):
     out = tmp_path / "out"
     assert run(planned(write(tmp_path)), out, runs=1, workers=1, logs="all").done == 1

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 
 import numpy as np
 import pytest
 
+from rig.core.units.angles import into_range, short_way
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.data import Data
 from rig.studies.thresholds.data_check import BEYOND, Envelope, beyond, envelope, suspects
@@ -163,6 +165,20 @@ def test_faults_are_what_they_are_called():
     found, was = change("noise", 10.0)
     middle = np.median(cut.samples, axis=2)[:, after]
     assert found - middle == pytest.approx(10.0 * (was - middle))
+
+
+@pytest.mark.parametrize("kind", ["offset", "small", "ramp", "noise", "stuck"])
+def test_faults_of_an_angle_are_the_same_across_the_end_of_its_circle(kind: Kind):
+    """An offset beyond the end was invalid, and isolated as that."""
+    plain = pieces([flight(k, 20.0) for k in range(3)], 8)
+    assert plain is not None
+    scale = 0.01 / np.abs(plain.samples).max()
+    at_zero, at_the_end = (
+        replace(plain, samples=into_range(plain.samples * scale + off, -pi, -pi, True)) for off in (0.0, pi)
+    )
+    found = [faulty(cut, kind, 0.02 if kind != "noise" else 10.0, -pi) for cut in (at_zero, at_the_end)]
+    assert np.abs(short_way(found[1] - found[0] - pi)).max() < 1e-9
+    assert ((found[1] >= -pi) & (found[1] < pi)).all()
 
 
 def test_a_large_offset_is_found_and_a_small_one_is_not(made: list[Design]):

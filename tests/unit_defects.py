@@ -124,6 +124,9 @@ TIE_BREAKS = [
         "if (s->common_mode) {",
     ),
 ]
+STARTS = [
+    Defect("a frame without a sample begins the vote", "s->started = s->started || (f->n > 0);", "s->started = true;"),
+]
 LATCHES = [
     Defect(
         "failed a frame late",
@@ -288,7 +291,7 @@ SLOW_TESTS = [
         "the noise is that of the quietest channel", "t->shaken = (n > 2) ? second : lowest;", "t->shaken = lowest;"
     ),
     Defect("one channel isolated beside a second", "< (CALM * t->share[worst])", "<= t->share[worst]"),
-    Defect("squares told as means", "t->by = by_means ?", "t->by = (by_means || true) ?"),
+    Defect("squares told as means", "(larger(fast, slow) >= t->share[worst]) ?", "(larger(fast, slow) >= 0.0) ?"),
     Defect("halves told as means", "t->by = RIG_DECIDED_BY_SLOW_HALVES;", "t->by = RIG_DECIDED_BY_SLOW_MEANS;"),
     Defect("the wrong half", "return (slope > 0.0) ? 1 : -1;", "return (slope > 0.0) ? -1 : 1;"),
     Defect("a half isolated in the ninth frame", "#define DECIDING 10 ", "#define DECIDING 9 "),
@@ -311,4 +314,4 @@ SLOW_TESTS = [
     ),
     Defect("a reference asked before it is known", "#define REFERENCE_FROM 300 ", "#define REFERENCE_FROM 100 "),
 ]
-DEFECTS = [*SLOW_TESTS, *LEVELS_AND_FILTER, *SAMPLES, *VOTES, *TIE_BREAKS, *LATCHES, *BOXES, *DISCRETES]
+DEFECTS = [*SLOW_TESTS, *LEVELS_AND_FILTER, *SAMPLES, *VOTES, *TIE_BREAKS, *STARTS, *LATCHES, *BOXES, *DISCRETES]

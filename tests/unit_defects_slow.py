@@ -17,15 +17,15 @@ OF_MEANS = [
     Defect("limits of five standard deviations", "#define SIGMAS 6.0 ", "#define SIGMAS 5.0 "),
     Defect(
         "a burst counts in the noise in full",
-        "gain * (smaller(residual * residual, WHOLE * most) - t->whole[c])",
-        "gain * ((residual * residual) - t->whole[c])",
+        "gain * (smaller(residual * residual, most_whole) - t->whole[c])",
+        "gain * (larger(residual * residual, 0.0 * most_whole) - t->whole[c])",
     ),
     Defect("the noise is cut where squares are", "#define WHOLE 2.0 ", "#define WHOLE 1.0 "),
     Defect("long means need 14 frames for a limit", "#define REMEMBERED 20.0 ", "#define REMEMBERED 14.0 "),
     Defect(
         "a burst counts in the mean of squares in full",
         "gain * (smaller(r * r, most) - t->square[c])",
-        "gain * ((r * r) - t->square[c])",
+        "gain * (larger(r * r, 0.0 * most) - t->square[c])",
     ),
     Defect(
         "the bound of a bias without the error of scale",
@@ -41,8 +41,8 @@ OF_MEANS = [
 OF_HALVES = [
     Defect(
         "the reference's bias is known as well after a change of level",
-        "(t->set->slow_reference_frames * t->motion)) + moved",
-        "(t->set->slow_reference_frames * t->motion)) + (0.0 * moved)",
+        "(t->set->slow_reference_frames * motion)) + moved",
+        "(t->set->slow_reference_frames * motion)) + (0.0 * moved)",
     ),
     Defect(
         "a burst counts in the mean square of halves in full",
@@ -74,7 +74,10 @@ OF_MOTION = [
         "(split || (off_majority(f) && (f->n < 0)))",
     ),
     Defect("the way out of a split is a second difference", "if (s->turns <= 3) {", "if (s->turns <= 2) {"),
-    Defect("the change over a gap moves as that of a frame", "(f->n < 2) || !s->split.whole;", "(f->n < 2);"),
+    Defect("tests where a channel is missing", "(f->n < 2) || !s->split.whole;", "(f->n < 2);"),
+    Defect("the change over a gap moves as that of a frame", "/ ((double)t->away + 1.0);", "/ 1.0;"),
+    Defect("the motion in which a bias was learned", "fabs(t->rate - t->usual_rate)", "fabs(t->rate)"),
+    Defect("noise within the data sheet", "(sheet * sheet) - (FOLLOWS * variance)", "0.0 * (sheet * FOLLOWS)"),
     Defect(
         "half of the noise where four were never in use",
         "slow_noise * TESTS_LEAST;\n        return",

@@ -93,8 +93,9 @@ class Flown:
             oracle.s = oracle.references.s = self.settings_of(reference)
             frame = oracle.step(samples, ilm, reference, second)
             if self.settings.turn:
-                oracle.vote = self.low + (frame.voted - self.low) % TURN
-                frame = replace(frame, voted=oracle.vote)
+                voted = self.low + (frame.voted - self.low) % TURN
+                oracle.vote = None if oracle.vote is None else voted
+                frame = replace(frame, voted=voted)
             answers.append(frame)
             rules |= oracle.rules
         return answers, rules
@@ -121,7 +122,8 @@ class Flown:
     def hangs_on_rounding(self) -> bool:
         """Whether the answers of an angle change with a noise far below all thresholds."""
         noisy = replace(self, flight=replace(self.flight, settings=NoisySettings(**vars(self.settings))))
-        if any(min(frame.voted - self.low, self.high - frame.voted) < END for frame in self.answers):
+        seen = [frame.voted for frame in self.answers if frame.pattern != "lost"]
+        if any(min(voted - self.low, self.high - voted) < END for voted in seen):
             return True
         for _ in range(3):
             for mine, theirs in zip(self.answers, noisy._answers()[0], strict=True):
@@ -351,18 +353,21 @@ def at_the_limits(seed: int) -> Flown:
     return Flown(slow_faults(flight))
 
 
-def angle(seed: int) -> Flown | None:
-    """A random angle, heading or bank; None for one in which rounding would decide."""
+def angle(seed: int, late: int = 0) -> Flown | None:
+    """A random angle, heading or bank; None for one in which rounding would decide.
+
+    late : frames without a sample; then opposite zero
+    """
     draw = random.Random(f"angle {seed}")
     flight = build(lambda choices: draw.choice(MOVING if choices is SLOPES else choices), turn=True)
     if len(flight.samples) < FRAMES:
         return None
-    low = draw.choice([0.0, -pi])
+    low, opposite = draw.choice([0.0, -pi]), pi if late else 0.0
 
     def into(x: float | None) -> float | None:
-        return None if x is None else low + (x - low) % TURN
+        return None if x is None else low + (x + opposite - low) % TURN
 
-    flight.samples = [[into(x) for x in row] for row in flight.samples]
+    flight.samples = [[None if k < late else into(x) for x in row] for k, row in enumerate(flight.samples)]
     flight.references, flight.seconds = [into(x) for x in flight.references], [into(x) for x in flight.seconds]
     found = Flown(slow_faults(flight), low, low + TURN)
     return None if found.hangs_on_rounding else found

@@ -45,6 +45,15 @@ class OtherTies(ResettableOracle):
         return view
 
 
+class BegunAtZero(ResettableOracle):
+    """A frame without a sample begins the vote."""
+
+    def step(self, samples: list[float | None], *given: Any) -> Frame:  # pyright: ignore[reportIncompatibleMethodOverride]  # hands all on
+        frame = super().step(samples, *given)
+        self.vote = frame.voted if self.vote is None else self.vote
+        return frame
+
+
 # References --------------------------------------------------------------------------------------------------
 
 
@@ -450,7 +459,9 @@ class MovedOutOfSplits(Other):
 
 class _MovedByGaps(SlowTests):
     def stop(self, why: str) -> set[int]:
-        return super().stop(why) if "missing" not in why else set()
+        super().stop(why)
+        self.away = 0
+        return set()
 
 
 class MovedByGaps(Other):
@@ -527,8 +538,30 @@ class SlowKeptAtALevel(Other):
 
 
 class _NotAlone(SlowTests):
-    def alone(self, calm: int, n: int, beyond_the_sheet: bool) -> bool:
+    def alone(self, calm: int, n: int) -> bool:
         return True
+
+
+class _TurnForgotten(SlowTests):
+    def unlike(self, learned_at: float) -> float:
+        return self.v
+
+
+class TurnForgotten(Other):
+    """What a steady motion has moved a bias by is not allowed for when it ends."""
+
+    tests = _TurnForgotten
+
+
+class _QuietSheet(SlowTests):
+    def beside_median(self, variance: float) -> float:
+        return variance
+
+
+class QuietSheet(Other):
+    """Noise is a fault where it is more than that of the others, within the data sheet too."""
+
+    tests = _QuietSheet
 
 
 class _AsKnown(SlowTests):

@@ -61,6 +61,9 @@ def benchmark(options: BenchmarkOptions) -> None:
         refused = {**given, "--second": options.second, "--plot": options.plot}
         for name in (name for name, value in refused.items() if value is not None):
             raise BadInput(f"{name}: not with --recordings")
+        for name in ("budget", "trials", "flights", "seed"):
+            if getattr(options, name) != getattr(BenchmarkOptions, name):
+                raise BadInput(f"--{name}: not with --recordings")
         _recordings(options.recordings, options)
         return
     for name in (name for name, value in given.items() if value is None):
@@ -117,11 +120,15 @@ def _show_recordings(result: dict[str, Any]) -> None:
 
     _show_losses(result["losses"], "with --json")
     line(f"{result['hours']:.3g} h of data; each half calibrates to no false isolation, the other half tests")
+    for note in result["notes"]:
+        line(f"note: {note}")
     line(f"{result['recordings']} recordings; trials of one are alike, so the intervals are over recordings")
     false = Counter[str]()
     for row in result["levels"]:
         false[row["manager"]] += row["false"]
     table(false.items(), (Column("manager", 0), Column("false isolations in the test halves", 1)))
+    if any(":" in name for name in false):
+        line("your class is not made again after an isolation: each of its channels counts once a recording")
     for (signal,), rows in _grouped(result["table"], "signal"):
         _show_kinds(signal, rows, RECORDED, ending="")
     line()
@@ -141,6 +148,8 @@ def _show(result: dict[str, Any]) -> None:
         line(f"  {note}")
     line()
     line("isolations caused by transients; each column: duration in frames x size in thresholds")
+    if any(":" in row["manager"] for row in result["transients"]):
+        line("your class is not made again after an isolation: each of its channels counts once a flight")
     _show_transients(result["transients"])
     if result["second"]:
         line()

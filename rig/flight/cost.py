@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from rig.computer.control.law import control_law
 from rig.computer.redundancy import conclude, refer, vote_signals
-from rig.core.errors import BadInput, RigError
+from rig.core.errors import BadInput
 from rig.core.frame import Table, nested, new_block
 from rig.core.kernels import bind, kernel
 from rig.flight import loop
@@ -132,7 +132,7 @@ def bench(scenario: Scenario, repeats: int = 7) -> Bench:
             bare.append(_bare_us(scenario))
             flight = fly(scenario, out=out)
             if flight.end_reason == INTERRUPTED:
-                raise RigError("interrupted: nothing was measured")
+                raise KeyboardInterrupt  # nothing was measured
             whole.append(flight.us_per_frame)
             size = flight.log.stat().st_size / flight.frames
             flight.log.unlink()

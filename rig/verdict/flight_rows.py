@@ -54,7 +54,9 @@ def _voted(name: str, context: Context) -> str:
     above_s = score.vote_error[name].above_threshold_s
     limit = quantity(float(context.params[INDEX[name]]["threshold"]), unit)
     text = f"at most {off} from the true value"
-    if above_s:
+    if above_s and _excess(name, context) <= 1.0:
+        text = f"no number for {above_s:g} s, otherwise {text}"
+    elif above_s:
         text = f"up to {off} from the true value, beyond the error limit of {limit} for {above_s:g} s"
     return f"no channel left for {lost_s:g} s; {text}" if lost_s else text
 

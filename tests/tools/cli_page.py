@@ -30,7 +30,7 @@ CODES: Final = """## Exit codes
 | 0 | The command did its work. A lost aircraft is a result, not an error. |
 | 1 | The rig or the machine failed. Or the result of a check or comparison is negative, see NEGATIVE. |
 | 2 | Bad input. One line on standard error names the file, the key and what is allowed. |
-| 128 + n | Signal n ended the command. Ctrl-C gives 130. |
+| 128 + n | Signal n ended the command. Ctrl-C gives 130; a flight that it ends keeps log and verdict, and gives 0. |
 
 An error is one line on standard error. It begins with `error:` (code 2) or `failed:` (code 1).
 

@@ -355,7 +355,7 @@ TESTED: list[tuple[str, list[Wanted]]] = [
         [
             *otherwise(vector_rules.LearnsUnusable, vector_rules.LearnsFarOff),
             *otherwise(vector_rules.MovedOffMajority, vector_rules.MovedOutOfSplits, vector_rules.MovedByGaps),
-            *otherwise(vector_rules.HalfOfTheNoise),
+            *otherwise(vector_rules.HalfOfTheNoise, vector_rules.TurnForgotten, vector_rules.QuietSheet),
             *reached("test: a half of 2", "test: a half of 4"),
         ],
     ),
@@ -441,8 +441,12 @@ def sessions() -> Iterator[Session]:
     )
     for number in range(3):
         yield of_signals(
-            f"angles on the circle, {number + 1}", lambda seed, n=number: angle(1000 * n + seed), [anything]
+            f"angles on the circle, {number + 1}",
+            lambda seed, n=number: angle(1000 * n + seed),
+            [anything],
         )
+    title = "angles are taken near to the first samples that there are"
+    yield of_signals(title, lambda seed: angle(seed, 3), otherwise(vector_rules.BegunAtZero))
     for title, make, wanted in RULED:
         yield of_signals(title, make, wanted)
     for title, wanted in TESTED:

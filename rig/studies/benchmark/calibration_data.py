@@ -86,7 +86,7 @@ def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h:
     """
     if entrant.is_own:
         flights = healthy.flights[signal.name]
-        channels, references = [each.samples.view() for each in flights], [each.references.view() for each in flights]
+        channels, references = ([_read_only(each[i]) for each in flights] for i in (1, 2))
         about = (signal.rate_hz, signal.threshold, bool(signal.given.wraps), budget_per_h)
         return designed(entrant.manager, HealthyData(signal.name, channels, references, *about))
     if entrant.manager not in LEARNERS:
@@ -98,6 +98,11 @@ def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h:
     for word in entrant.variant:
         given |= VARIANTS[word]
     return given
+
+
+def _read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a copy that nobody can write: its memory is that of ``bytes``."""
+    return np.frombuffer(values.tobytes(), values.dtype).reshape(values.shape)
 
 
 def of_residuals(signal: OfSignal, healthy: Healthy) -> dict[str, float]:

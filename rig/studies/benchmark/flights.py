@@ -106,6 +106,6 @@ def _flown(scenario: Scenario, entrant: Entrant, signal: OfSignal, mine: Calibra
     result["failed_at"] = first_failed(failed)
     rows = flight.table.rows[onset:]
     errors = np.abs(differences(rows["voted"][:, s], rows["truth"][:, s], SIGNALS[s].wraps))
-    result["peak"] = errors.max(initial=0.0)
+    result["peak"] = np.nan_to_num(errors, nan=np.inf).max(initial=0.0)
     found = became(made, np.array([onset]), result)
     return {**{name: column[0] for name, column in found.items()}, "lost": not flight.verdict.survived}

@@ -12,12 +12,14 @@ from rig.computer.redundancy.managers import BASELINES
 from rig.core.column import Column
 from rig.core.runs import cluster_starts
 from rig.core.threads import heed
+from rig.core.units.angles import into_range
 from rig.studies.benchmark.calibration_data import Flight
 from rig.studies.benchmark.entrants import Entrant, OfSignal, Values, isolates_no_channel, levels, manager
 from rig.studies.benchmark.own_class import voted
 from rig.studies.campaign.statistics import poisson
 from rig.studies.thresholds.pieces import failures, four
 from rig.studies.thresholds.tail import GAP_S
+from rig.studies.thresholds.tradeoff import circle_of
 
 Frames = NDArray[np.int64]
 POOLED: Final = "all"  # signals together
@@ -116,8 +118,11 @@ def first_enough(enough: Callable[[int], bool], last: int) -> int | None:
 def scaled(entrant: Entrant, signal: OfSignal, values: Values, step: int) -> dict[str, Any]:
     """Return the levels times 2^(-step / 16): for the built-in manager thresholds, factors, allowance."""
     factor = 2.0 ** (-step / 16.0)
-    names = tuple(level.name for level in levels(entrant, signal)) or _OURS
-    return {name: value * factor if name.startswith(names) else value for name, value in values.items()}
+    names = {level.name for level in levels(entrant, signal)}
+    return {
+        name: value * factor if name in names or (not names and name.startswith(_OURS)) else value
+        for name, value in values.items()
+    }
 
 
 def transients(
@@ -151,6 +156,8 @@ def _burst(
         for i, begin in enumerate(at):
             sign = 1.0 if i // signal.fitted % 2 == 0 else -1.0
             samples[begin : begin + frames, i % signal.fitted] += sign * size * signal.threshold
+        if (circle := circle_of(signal.given)) is not None:
+            samples = into_range(samples, circle, circle, True)
         hit.append(flight._replace(samples=samples))
     failed = 0
     for at, before, found in zip(begins, without, failing(entrant, signal, values, hit), strict=True):

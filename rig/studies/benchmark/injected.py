@@ -19,7 +19,7 @@ from rig.studies.benchmark.own_class import voted
 from rig.studies.thresholds.data_check import envelope
 from rig.studies.thresholds.design import DataBlock
 from rig.studies.thresholds.pieces import four, outcomes_of
-from rig.studies.thresholds.tradeoff import GAIN, NOISE, SHARES, SMALL, Kind, Pieces, faulty, pieces
+from rig.studies.thresholds.tradeoff import GAIN, NOISE, SHARES, SMALL, Kind, Pieces, circle_of, faulty, pieces
 from rig.verdict.signal_kernels import first_failed, trial_words
 
 BEFORE_S: Final = 10.0
@@ -48,7 +48,7 @@ def with_faults(
     motion = envelope(blocks, signal.given.wraps)
     for name, kind, size in _faults(max(motion.value, motion.noise)):
         samples = cut.samples.copy()
-        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size)
+        samples[np.arange(len(samples)), :, cut.channel] = faulty(cut, kind, size, circle_of(signal.given))
         yield name, samples
 
 

@@ -39,7 +39,9 @@ from rig.studies.benchmark.outcome_table import RECORDING, differences, table
 from rig.studies.benchmark.ranking import losses
 from rig.studies.benchmark.second_knobs import choices_of
 from rig.studies.thresholds.data import Data
+from rig.studies.thresholds.data_check import suspects
 from rig.studies.thresholds.design import DataBlock, Grid, of_one_frame
+from rig.studies.thresholds.design_signals import stands_out
 from rig.studies.thresholds.pieces import four, parameters
 from rig.studies.thresholds.residual_series import Residuals, residuals, series
 from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, alarms, stale_frames
@@ -59,15 +61,17 @@ BESIDE_SUMS: Final = (1.5, BIASES_ALONE)  # margins of the tests
 def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> dict[str, Any]:
     """Return the levels, the false isolations in the tested halves, the table and the differences.
 
-    BadInput: fewer than two recordings, or all are too short for a trial
+    A recording with a channel that stands out is left out for its signal, as by ``rig thresholds``, with a note.
+    BadInput: fewer than two recordings, or all are too short for a trial; channels that do not differ
     """
     if len(data.names) < 2:
         raise BadInput(
             f"--recordings: {len(data.names)} recording; give 2 or more: one half calibrates, the other is tested"
         )
     found, told = list[pl.DataFrame](), list[dict[str, Any]]()
-    silent = list[str]()
-    for place, (name, blocks) in enumerate(data.signals.items()):
+    silent, notes = list[str](), list(data.notes)
+    for place, name in enumerate(data.signals):
+        blocks = _healthy(name, data, notes)
         given, fitted, rate_hz = data.settings[name], len(blocks[0].samples), blocks[0].rate_hz
         signal = OfSignal(
             name, parameters(given, fitted, rate_hz), given, config.baselines, rate_hz, data.slow_tests.get(name)
@@ -77,6 +81,8 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
             values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
             for entrant in entrants:
+                if count := flights_failing(entrant, signal, values[entrant.name], flights_of(calibrating)):
+                    notes.append(f"{entrant.name}: {name}: isolates a channel in {count} of its calibrating recordings")
                 false = isolations(entrant, signal, values[entrant.name], flights_of(tested))
                 levels_of = {key: value for key, value in values[entrant.name].items() if _is_number(value)}
                 told.append({"signal": name, "half": half, "manager": entrant.name, "told": levels_of, "false": false})
@@ -84,9 +90,23 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
     if not found:
         raise BadInput(f"--recordings: every recording is shorter than a trial of {BEFORE_S + LATER_S:g} s")
     trials = pl.concat(found)
-    result = {"hours": data.hours, "recordings": len(data.names), "levels": told, "silent": silent}
+    result = {"hours": data.hours, "recordings": len(data.names), "levels": told, "silent": silent, "notes": notes}
     result |= {"table": table(trials), "differences": differences(trials)}
     return {**result, "losses": losses(result)}
+
+
+def _healthy(name: str, data: Data, notes: list[str]) -> Sequence[DataBlock]:
+    """Return the recordings of a signal in which no channel stands out.  BadInput: fewer than two."""
+    blocks, given = data.signals[name], data.settings[name]
+    found = {each.flight: each for each in suspects(blocks, given.wraps, max(Grid(0.0).persistence), given.scale)}
+    left_out = {f: each for f, each in found.items() if blocks[f].name not in data.healthy}
+    notes += [f"{stands_out(name, blocks[f].name, each)}; left out for this signal" for f, each in left_out.items()]
+    kept = [block for f, block in enumerate(blocks) if f not in left_out]
+    if len(kept) < 2:
+        first = next(iter(left_out.items()))
+        said = stands_out(name, blocks[first[0]].name, first[1])
+        raise BadInput(f"--recordings: {name}: fewer than 2 healthy recordings; {said}")
+    return kept
 
 
 def _is_number(value: object) -> bool:
@@ -98,16 +118,25 @@ def _chosen(entrant: Entrant, signal: OfSignal, blocks: Sequence[DataBlock]) -> 
 
     The built-in manager with slow-fault tests also gets a persistence and a CUSUM limit.  Each half of ``blocks``
     gives levels, and the factor is the one that isolates most faults in the other half: levels that just isolate no
-    channel in some flights do not hold for others.
+    channel in some flights do not hold for others.  A single recording is halved in time.
+    BadInput: the channels do not differ
     """
     found = dict(_candidates(entrant, signal, blocks))
+    if not found:
+        raise BadInput(f"--recordings: {signal.name}: the channels do not differ; nothing can be calibrated")
     count = dict.fromkeys(found, 0)
-    for half in (0, 1) if len(found) > 1 and len(blocks) > 1 else ():
+    blocks = blocks if len(blocks) > 1 else _in_time(blocks[0])
+    for half in (0, 1) if len(found) > 1 else ():
         others = {name: values for name, values in _candidates(entrant, signal, blocks[half::2]) if name in count}
         count_of = isolated(entrant, signal, blocks[1 - half :: 2], [*others.values()])
         for name, more in zip(others, count_of or (), strict=count_of is not None):
             count[name] += more
     return found[max(found, key=count.__getitem__)]
+
+
+def _in_time(block: DataBlock) -> list[DataBlock]:
+    """Return the two halves of a recording."""
+    return [DataBlock(block.name, part, block.rate_hz) for part in np.array_split(block.samples, 2, axis=1)]
 
 
 def _candidates(

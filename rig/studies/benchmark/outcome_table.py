@@ -63,8 +63,8 @@ def table(rows: pl.DataFrame) -> list[dict[str, Any]]:
     """Return one row for each group and manager: groups in order, managers as they were given.
 
     Outcomes are counts.  Delays are of isolated faults, s.  ``peak``: largest vote error of a trial, thresholds, its
-    median, 95 % and largest over the trials; ``lost``: aircraft lost, in flights; ``sizes``: with the reference as
-    flown, see the function ``sizes``.
+    median, 95 % and largest over the trials, None where the vote is no number, as in ``no_number`` of the trials;
+    ``lost``: aircraft lost, in flights; ``sizes``: with the reference as flown, see the function ``sizes``.
     """
     key, by_key = (*GROUP, "manager"), dict[tuple[Any, ...], Any]()
     if "lost" not in rows.columns:
@@ -130,9 +130,11 @@ def _counts(rows: pl.DataFrame) -> list[dict[str, Any]]:
             pl.col("peak").median().alias("peak_median"),
             pl.col("peak").quantile(0.95, "higher").alias("peak_95"),
             pl.col("peak").max().alias("peak_largest"),
+            pl.col("peak").is_infinite().sum().alias("no_number"),
             *([pl.col("lost").sum()] if "lost" in rows.columns else []),
         )
         .with_columns(
+            _finite("peak_median", "peak_95", "peak_largest"),
             pl.col("reference").replace_strict({state: i for i, state in enumerate(STATES)}).alias("_state"),
             pl.col("place").replace_strict(places).alias("_place"),
             pl.col("manager").replace_strict(given).alias("_manager"),
@@ -191,6 +193,10 @@ def _votes(part: pl.DataFrame) -> dict[str, Any]:
     return {
         "peak_smaller": int((off <= -ALIKE).sum()),
         "peak_larger": int((off >= ALIKE).sum()),
-        "peak_median": part["peak"].median(),
-        "peak_built_in": part["peak_built_in"].median(),
+        **part.select(_finite("peak", "peak_built_in").median()).rename({"peak": "peak_median"}).row(0, named=True),
     }
+
+
+def _finite(*columns: str) -> pl.Expr:
+    """Return the columns with nothing where they are infinite: a vote was no number."""
+    return pl.when(pl.col(columns).is_finite()).then(pl.col(columns))

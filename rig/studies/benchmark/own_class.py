@@ -42,9 +42,11 @@ _one_at_a_time = threading.RLock()  # numbers of a class are the process's
 def calibrated_number(name: str) -> tuple[str, float] | None:
     """Return the name and value of the number that a calibration chooses; None if the manager names none.
 
-    BadInput: the manager cannot be imported, or ``calibrate`` names no number of the class.
+    BadInput: it cannot be imported, is a class without ``step``, or ``calibrate`` names no number of the class.
     """
     own = _attribute(name)
+    if inspect.isclass(own) and not callable(getattr(own, "step", None)):
+        raise BadInput(f"--managers: {name}: the class has no step(bus, fcc, k)")
     key = getattr(getattr(own, "py_func", own), KEY, None)
     if key is None:
         return None
@@ -91,8 +93,6 @@ def designed(name: str, healthy: HealthyData) -> dict[str, Any]:
     if not asks_for_data(name):
         return {}
     own = _attribute(name)
-    for each in (*healthy.channels, *healthy.references):
-        each.setflags(write=False)
     with _one_at_a_time:
         try:
             found = getattr(own, DESIGN)(healthy)

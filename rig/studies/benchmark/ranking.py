@@ -47,7 +47,7 @@ def verdict(result: Mapping[str, Any]) -> list[str]:
     """
     table, differences, silent = result["table"], result["differences"], result["silent"]
     baselines = [row for row in _others(differences) if row["manager"] not in silent]
-    lines = [*losses(result), *_transients(result["transients"]), *_over_budget(result["second"])]
+    lines = [*losses(result), *_no_number(table), *_transients(result["transients"]), *_over_budget(result["second"])]
     plain = [row for row in differences if row["kind"] == ALL and row["reference"] == STATES[0]]
     lines += _leads([row for row in plain if row in baselines])
     lines += _among([row for row in plain if row["manager"] in _OURS and row["built_in"] == OURS])
@@ -193,6 +193,13 @@ def _votes(rows: Sequence[Row], silent: Sequence[str]) -> Iterator[str]:
                 f"{row['manager']} isolates no channel; its largest vote error is smaller than that of {OURS} in "
                 f"{smaller:.0f} % of trials, larger in {larger:.0f} %: {_where(row)}"
             )
+
+
+def _no_number(table: Sequence[Row]) -> Iterator[str]:
+    """Yield which managers vote what is no number."""
+    for row in table:
+        if row["kind"] == ALL and row["no_number"]:
+            yield f"{row['manager']} VOTES NO NUMBER in {row['no_number']} of {row['trials']} trials: {_where(row)}"
 
 
 def _transients(rows: Sequence[Row]) -> Iterator[str]:

@@ -79,6 +79,8 @@ def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]
     healthy = read(asked.healthy, aircraft, signals)
     require_time(asked.budget_per_h, healthy.hours)
     second = None if asked.second is None else read(asked.second, aircraft, signals, "--second")
+    if second is not None and second.sha256 == healthy.sha256:
+        raise BadInput(f"--second: {asked.second}: the flights of --healthy; give others, of another seed")
     about = json.loads(_json(_about(plan, asked, healthy, second)))
     STUDY.require(out, about)
     of, levels = sealed.identity(_json(about)), out / LEVELS

@@ -118,9 +118,14 @@ _Logs = re.compile(r"all|failures|none|sample:[1-9][0-9]{0,8}")
 
 
 def _logs(text: str) -> str:
-    if not _Logs.fullmatch(text):
+    if not is_logs(text):
         raise ValueError("logs must be all, failures, none or sample:N")
     return text
+
+
+def is_logs(text: str) -> bool:
+    """Return True if ``text`` is a choice of logs that are kept."""
+    return _Logs.fullmatch(text) is not None
 
 
 class How(Settings):

@@ -21,6 +21,7 @@ from rig.core.errors import BadInput, RigError
 from rig.core.interrupt import FLIES_AGAIN, GOES_ON, Stop, interruptible
 from rig.flight.fly import Flight, fly
 from rig.studies.campaign import tables as table
+from rig.studies.campaign.campaign_file import is_logs
 from rig.studies.campaign.folder import NOT_FLOWN, Folder, not_flown
 from rig.studies.campaign.plan import SOURCES, Plan, Run, rig_identity
 from rig.studies.campaign.pool import Cluster, Local, Pool
@@ -131,6 +132,8 @@ def run(
     BadInput before anything is written; RigError: the disk is full, or workers keep stopping.
     """
     count = plan.count(runs)
+    if logs is not None and not is_logs(logs):
+        raise BadInput(f"--logs: must be all, failures, none or sample:N, got {logs!r}")
     pool = pool_of(plan, workers, scheduler, unit)  # first: workers get ready during the checks
     kill = True
     try:

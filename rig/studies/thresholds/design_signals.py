@@ -301,9 +301,14 @@ def _blocks(name: str, flights: list[DataBlock], notes: list[str]) -> Sequence[D
     return [DataBlock(flight.name, part, flight.rate_hz) for part in np.array_split(flight.samples, count, axis=1)]
 
 
+def stands_out(name: str, flight: str, suspect: Suspect) -> str:
+    """Return the words for a channel of a flight that stands out of a signal."""
+    return f"{flight}: {name}.{suspect.channel} stands out: {suspect.why}"
+
+
 def _stands_out(name: str, flight: str, suspect: Suspect, keep: bool) -> str:
     what = "kept as requested, which raises the thresholds" if keep else "the flight is left out for this signal"
-    return f"{flight}: {name}.{suspect.channel} stands out: {suspect.why}; {what}"
+    return f"{stands_out(name, flight, suspect)}; {what}"
 
 
 def _nothing_left(name: str, flights: Sequence[DataBlock], suspect: Suspect) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.core.threads import heed
+from rig.core.units.angles import into_range, near
 from rig.log.recordings.vote_config import RecordedSignal
 from rig.studies.thresholds.design import DataBlock, Design
 from rig.studies.thresholds.pieces import outcomes
@@ -132,7 +133,7 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
     """Vote all pieces with a fault of a ``kind`` and ``size``, in the unit of the signal, in one channel of each."""
     heed()
     samples, pieces = cut.samples.copy(), np.arange(len(cut.samples))
-    samples[pieces, :, cut.channel] = faulty(cut, kind, size)
+    samples[pieces, :, cut.channel] = faulty(cut, kind, size, circle_of(settings))
     signals = outcomes(samples, cut.channel, cut.onset, settings, cut.rate_hz, cut.first)
     failed_at = signals["failed_at"][pieces, cut.channel]
     wrong = np.asarray((signals["false_isolations"] > 0).any(axis=1))
@@ -144,8 +145,15 @@ def inject(cut: Pieces, settings: RecordedSignal, kind: Kind, size: float) -> Fo
     return Found(*(int((words == word).sum()) for word in INJECTED), *quantiles)
 
 
-def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
+def circle_of(settings: RecordedSignal) -> float | None:
+    """Return where the circle of an angle begins, rad; None for other signals."""
+    return settings.limits[0] if settings.wraps else None
+
+
+def faulty(cut: Pieces, kind: Kind, size: float, circle: float | None = None) -> Floats:
     """Return (R, n) the samples of the channel of each piece with a fault from the onset on.
+
+    circle : of an angle, where it begins, rad: the samples are of it, and what is compared is taken the short way
 
     offset, small, ramp : ``size``, or ``size`` a second, is added, to either side in turn
     gain : the samples times ``size``
@@ -159,10 +167,13 @@ def faulty(cut: Pieces, kind: Kind, size: float) -> Floats:
         after = own + sides * (size * frames / cut.rate_hz)
     elif kind == "noise":
         lost = np.all(np.isnan(cut.samples), axis=2, keepdims=True)
-        middle = np.nanmedian(np.where(lost, 0.0, cut.samples), axis=2)
+        samples = cut.samples if circle is None else near(cut.samples, own[..., None])
+        middle = np.nanmedian(np.where(lost, 0.0, samples), axis=2)
         after = middle + size * (own - middle)
     else:
         after = size * own if kind == "gain" else own[:, cut.onset - 1 : cut.onset]
+    if circle is not None:
+        after = into_range(after, circle, circle, True)
     return np.where(frames < 0, own, after)
 
 
