@@ -1,10 +1,11 @@
-"""Healthy channels where slow-fault tests are most easily wrong: full deflections, two left, a third that stands still.
+"""Healthy channels where slow-fault tests are most easily wrong: stops, turns, gaps, two left, a third that is still.
 
     python tests/tools/healthy_beside.py [--every 1]
 
 Flights of 28 s with stick and pedal moved by hand, on three aircraft: full deflections in light turbulence, the others
-in severe; two left: channels 3 and 4 of all 16 signals, or of one, fail in the first second.  Prints by row in how many
-flights a healthy channel was isolated, and in how many a test did it.  A minute.
+in severe; two left: channels 3 and 4 of all 16 signals, or of one, fail in the first second.  In still air steady turns
+of up to 100 s at 45 or 60 deg of bank, and turns with a channel that is invalid in every other frame.  Prints by row in
+how many flights a healthy channel was isolated, and in how many a test did it.  Two minutes.
 """
 
 from __future__ import annotations
@@ -83,12 +84,39 @@ def flights() -> Iterator[tuple[str, dict[str, Any]]]:
                     yield f"two left, then {name}", flight([*two_gone(each.name), *faults], 0.4)
 
 
+def turns() -> Iterator[tuple[str, dict[str, Any]]]:
+    """The row and the scenario of every flight that turns."""
+    drawn = random.Random(-SEED)
+    for aircraft, bank_rad, hold_s in (
+        ("f16", 1.05, 40.0),
+        ("f16", 1.05, 100.0),
+        ("b737", 0.785, 60.0),
+        ("b747", 0.785, 60.0),
+    ):
+        hold = {"kind": "hold", "axis": "roll_angle", "start_s": 20.0, "duration_s": hold_s, "amplitude": bank_rad}
+        common = {"title": "Turn", "aircraft": aircraft, "duration_s": hold_s + 50.0, "pilot": {"manoeuvres": [hold]}}
+        common |= {"control": {"lateral": "roll", "max_bank_rad": bank_rad}}
+        for _ in range(12):
+            yield "steady turns", common | {"seed": drawn.randrange(1, 10**6)}
+    step = {"kind": "step", "axis": "heading", "start_s": 30.0, "amplitude": 0.5236}
+    for aircraft in AIRCRAFT:
+        common = {"title": "Turn", "aircraft": aircraft, "duration_s": 60.0, "pilot": {"manoeuvres": [step]}}
+        for name in ("roll_angle", "roll_rate", "heading", "pitch_angle"):
+            fault = {"kind": "intermittent", "signal": name, "channels": [4], "start_s": 20.0, "in_gaps": "invalid"}
+            for _ in range(3):
+                flight = common | {
+                    "seed": drawn.randrange(1, 10**6),
+                    "faults": [fault | {"gap_s": 0.01, "contact_s": 0.01}],
+                }
+                yield "a channel invalid in every other frame", flight
+
+
 def main() -> None:
     """See above."""
     parser = argparse.ArgumentParser(description="Healthy channels where slow-fault tests are most easily wrong.")
     parser.add_argument("--every", type=int, default=1, help="fly every n-th")
     rows: dict[str, list[int]] = {}
-    for row, scenario in list(flights())[:: parser.parse_args().every]:
+    for row, scenario in [*flights(), *turns()][:: parser.parse_args().every]:
         loaded = load(scenario)
         flown = score(loaded, Table(fly_rows(loaded)))
         healthy = [*flown.false_alarms, *flown.wrong_isolations]
