@@ -217,7 +217,7 @@ def test_the_command_prints_levels_the_table_and_where_ours_loses(
         "--healthy",
         str(healthy),
     ]
-    command += ["--second", str(healthy), "--out", str(whole[0]), "--trials", "4", "--workers", "1"]
+    command += ["--second", str(other(healthy)), "--out", str(whole[0]), "--trials", "4", "--workers", "1"]
     command += ["--flights", "2", "--plot", str(tmp_path / "benchmark.html")]
     shown = CliRunner().invoke(app, command)
     assert shown.exit_code == 0 and "calibrated to 1 false isolations per hour and signal, on 0.0167 h" in shown.output
