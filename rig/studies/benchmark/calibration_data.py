@@ -86,7 +86,8 @@ def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h:
     """
     if entrant.is_own:
         flights = healthy.flights[signal.name]
-        channels, references = ([_read_only(each[i]) for each in flights] for i in (1, 2))
+        channels = [_read_only(each.samples) for each in flights]
+        references = [_read_only(each.references) for each in flights]
         about = (signal.rate_hz, signal.threshold, bool(signal.given.wraps), budget_per_h)
         return designed(entrant.manager, HealthyData(signal.name, channels, references, *about))
     if entrant.manager not in LEARNERS:

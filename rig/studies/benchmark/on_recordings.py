@@ -8,7 +8,7 @@ signal.  There is no reference.  Trials of one recording are alike, so intervals
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ from rig.log.recordings.vote_config import VoteConfig
 from rig.studies.benchmark.benchmark_trials import typed
 from rig.studies.benchmark.calibration_data import Flight, Healthy, measured, of_residuals
 from rig.studies.benchmark.entrants import (
+    BUILT_IN,
     OURS,
     TESTS,
     TUNED,
@@ -45,7 +46,7 @@ from rig.studies.thresholds.design_signals import stands_out
 from rig.studies.thresholds.pieces import four, parameters
 from rig.studies.thresholds.residual_series import Residuals, residuals, series
 from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, alarms, stale_frames
-from rig.studies.thresholds.slow_test_factors import FACTORS, bare_tests, keys_of, watched
+from rig.studies.thresholds.slow_test_factors import FACTORS, Measured, bare_tests, keys_of, settled, watched
 from rig.studies.thresholds.tradeoff import LATER_S, pieces
 
 Floats = NDArray[np.float64]
@@ -81,7 +82,8 @@ def benchmark(data: Data, config: VoteConfig, entrants: Sequence[Entrant]) -> di
             calibrating, tested = blocks[half::2], blocks[1 - half :: 2]
             values = {entrant.name: _chosen(entrant, signal, calibrating) for entrant in entrants}
             for entrant in entrants:
-                if count := flights_failing(entrant, signal, values[entrant.name], flights_of(calibrating)):
+                count = flights_failing(entrant, signal, values[entrant.name], flights_of(calibrating))
+                if count and entrant.name != BUILT_IN:
                     notes.append(f"{entrant.name}: {name}: isolates a channel in {count} of its calibrating recordings")
                 false = isolations(entrant, signal, values[entrant.name], flights_of(tested))
                 levels_of = {key: value for key, value in values[entrant.name].items() if _is_number(value)}
@@ -212,9 +214,10 @@ def _tested(
 
 
 def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterator[SlowTests | None]:
-    """Yield the tests with each margin over the largest shares in ``blocks``; with sums also those that learn alone.
+    """Yield the tests with each margin that holds in ``blocks``; with sums also those that learn alone.
 
-    Beside sums there may also be no tests, None: sensors that are not synchronised differ by what is no bias.
+    There may also be no tests, None, beside sums, or where no margin holds: sensors that are not synchronised differ by
+    what is no bias.
     Figures of the sensor that CONFIG does not state are the spread and the largest mean of the residuals.
     """
     (params,), channels = signal.params.copy(), [four(block.samples.T) for block in blocks]
@@ -225,12 +228,18 @@ def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterato
         figures = SlowTests(noise_std=found.spread or None, bias_tolerance=float(found.means.max()) / BIAS)
     if not figures.noise_std:
         return
-    measured = [watched((each, None), params, bare_tests(figures)) for each in channels]
+
+    def measure(factors: Mapping[str, float]) -> list[Measured]:
+        return [watched((each, None), params, bare_tests(figures, factors)) for each in channels]
+
+    held = 0
     for margin in BESIDE_SUMS if sums else MARGINS:
-        alone = margin == BIASES_ALONE
-        keys = dict.fromkeys(FACTORS, margin) if alone else keys_of(measured, signal.threshold, margin)
-        yield figures.model_copy(update={name: keys[name] for name in FACTORS})
-    if sums:
+        if margin == BIASES_ALONE:
+            yield figures.model_copy(update=dict.fromkeys(FACTORS, margin))
+        elif (measured := settled(measure, signal.threshold, margin)) is not None:
+            keys, held = keys_of(measured, signal.threshold, margin), held + 1
+            yield figures.model_copy(update={name: keys[name] for name in FACTORS})
+    if sums or held == 0:
         yield None
 
 
