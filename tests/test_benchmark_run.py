@@ -156,11 +156,11 @@ def test_another_benchmark_in_the_folder_is_refused_and_left_alone(
 def test_a_damaged_unit_is_named_with_its_remedy(whole: tuple[Path, Any], healthy: Path, tmp_path: Path):
     out = shutil.copytree(whole[0], tmp_path / "copy")
     unit = sorted((out / "units").iterdir())[1]
-    other = (out / "units" / sorted((out / "units").iterdir())[0].name).read_bytes()
+    first = (out / "units" / sorted((out / "units").iterdir())[0].name).read_bytes()
     flipped = bytearray(unit.read_bytes())
     flipped[len(flipped) // 3] ^= 4
     flown = next((out / "flights").iterdir()).read_bytes()
-    for data in (b"no parquet", bytes(flipped), other, flown):
+    for data in (b"no parquet", bytes(flipped), first, flown):
         unit.write_bytes(data)
         with pytest.raises(BadInput, match=rf"{unit.name}: (it has no|its bytes|it was written).*remove it"):
             run(small(), asked(healthy, second=other(healthy)), out)
