@@ -180,6 +180,19 @@ def test_of_two_recordings_a_reserve_is_chosen_by_the_halves_of_each(tmp_path: P
     assert max(found) > 0.99 * MARGINS[1]  # levels that just hold in a half do not hold in the other
 
 
+@pytest.mark.long
+def test_the_tests_isolate_no_channel_in_the_recordings_that_their_factors_follow_from(tmp_path: Path):
+    """Three times the noise in a healthy channel: what counts of its squares grows with the factor."""
+    write(tmp_path, 4, seconds=60, apart=0.1, names="x")
+    for i, path in enumerate(sorted(tmp_path.glob("*.csv"))):
+        more = pl.Series(np.random.default_rng(100 + i).normal(0.0, 0.06, 60 * RATE_HZ))
+        pl.read_csv(path).with_columns(pl.col("x.4") + more).write_csv(path)
+    found = benchmark(load([tmp_path], CONFIG, "config"), CONFIG, entrants("median"))
+    assert [note for note in found["notes"] if "isolates a channel" in note] == []
+    told = [row["told"] for row in found["levels"] if row["manager"] == TESTS]
+    assert all(of["slow_squares"] > 3.0 for of in told)
+
+
 def test_pieces_name_the_recording_that_each_is_of(data: Data):
     cut = pieces(data.signals["x"], PIECES, BEFORE_S)
     assert cut is not None and np.array_equal(cut.flight, np.repeat(np.arange(4), PIECES // 4))

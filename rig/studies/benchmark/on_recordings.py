@@ -46,7 +46,7 @@ from rig.studies.thresholds.design_signals import stands_out
 from rig.studies.thresholds.pieces import four, parameters
 from rig.studies.thresholds.residual_series import Residuals, residuals, series
 from rig.studies.thresholds.slow_fault_limits import ALLOWANCES, LIMITS, alarms, stale_frames
-from rig.studies.thresholds.slow_test_factors import FACTORS, Measured, bare_tests, keys_of, settled, watched
+from rig.studies.thresholds.slow_test_factors import FACTORS, HELD, Measured, bare_tests, keys_of, settled, watched
 from rig.studies.thresholds.tradeoff import LATER_S, pieces
 
 Floats = NDArray[np.float64]
@@ -236,8 +236,8 @@ def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterato
     for margin in BESIDE_SUMS if sums else MARGINS:
         if margin == BIASES_ALONE:
             yield figures.model_copy(update=dict.fromkeys(FACTORS, margin))
-        elif (measured := settled(measure, signal.threshold, margin)) is not None:
-            keys, held = keys_of(measured, signal.threshold, margin), held + 1
+        elif (measured := settled(measure, signal.threshold, HELD * margin)) is not None:
+            keys, held = keys_of(measured, signal.threshold, HELD * margin), held + 1
             yield figures.model_copy(update={name: keys[name] for name in FACTORS})
     if sums or held == 0:
         yield None
