@@ -242,7 +242,7 @@ def faulty(folder: Path, text: str) -> Path:
     ("options", "text", "said"),
     [
         ({"--budget": "1e-5"}, "", "is too short for 1e-05 false isolations an hour; record at least 1e+03 h"),
-        ({"--budget": "nan"}, "", "--budget: nan false isolations an hour; must be above 0"),
+        ({"--budget": "nan"}, "", "--budget: nan false isolations an hour; must be a number above 0"),
         (
             {"--managers": "benchmark_flights:Nameless"},
             "",

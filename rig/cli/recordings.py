@@ -187,7 +187,7 @@ def _rules(text: str) -> list[Any]:
     if "bias" in named:
         raise BadInput("--slow-faults: the rule bias is gone: --slow-tests learns the biases of channels")
     if unknown := sorted(named.difference(RULES)):
-        raise BadInput(f"--slow-faults: must be none, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
+        raise BadInput(f"--slow-faults: must be none alone, or of {', '.join(RULES)}, got {quoted(unknown[0])}")
     return [rule for rule in RULES if rule in named]
 
 

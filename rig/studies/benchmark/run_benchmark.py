@@ -72,7 +72,7 @@ def run(plan: Plan, asked: Asked, out: Path, workers: int = 1) -> dict[str, Any]
     BadInput, nothing written: ``out`` is not of this benchmark, or ``calibrate`` or ``of_signals`` refuses.
     """
     if not (isfinite(asked.budget_per_h) and asked.budget_per_h > 0.0):
-        raise BadInput(f"--budget: {asked.budget_per_h:g} false isolations an hour; must be above 0")
+        raise BadInput(f"--budget: {asked.budget_per_h:g} false isolations an hour; must be a number above 0")
     STUDY.require(out)
     aircraft, signals = of_signals(plan)
     tell("reading the healthy flights")
