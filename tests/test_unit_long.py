@@ -222,10 +222,9 @@ SLOW = [
     ),
     Defect("the step of a sum not limited", "step = (most < excess) ? most : excess;", "step = excess + (0.0 * most);"),
     Defect("a sum that fails a channel among others", "((2 * calm) > f->n) ? worst", "(calm >= 0) ? worst"),
+    Defect("noise within the data sheet", "(sheet * sheet) - (FOLLOWS * variance)", "0.0 * (sheet * FOLLOWS)"),
     Defect(
-        "two noisy channels need not exceed the data sheet",
-        "t->square[worst] > ((sheet * sheet) * (1.0 + t->square_limit))",
-        "t->square[worst] > (0.0 * sheet)",
+        "the motion in which the reference's bias was learned", "fabs(t->rate - t->reference_rate)", "fabs(t->rate)"
     ),
     Defect("channels isolated beside two that stand still", "&& !suspected && !beside)", "&& !(suspected && beside))"),
     Defect("the count of repeats forgotten", "l->repeats[c]++;", "l->repeats[c] = 1;"),
