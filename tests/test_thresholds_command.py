@@ -170,7 +170,7 @@ BAD: dict[str, tuple[Any, dict[str, Any], list[str], str]] = {
         ["--slow-faults", "bias,slow"],
         "--slow-faults: the rule bias is gone: --slow-tests learns the biases of channels",
     ),
-    "an unknown rule": (None, {}, ["--slow-faults", "sums"], "--slow-faults: must be none, or of slow, stale, got"),
+    "an unknown rule": (None, {}, ["--slow-faults", "sums"], "must be none alone, or of slow, stale, got"),
     "nothing to design": (
         None,
         {},
