@@ -42,7 +42,9 @@ def test_the_first_sample_of_an_angle_begins_the_vote(late: int, about: float):
 @pytest.mark.parametrize("off", [np.pi, 2.0, -2.0])
 def test_of_three_around_the_circle_the_two_that_agree_are_kept(wrong: int, off: float):
     """The circle is never cut between them, whichever comes first."""
-    samples = angles(np.pi)
+    apart = np.array([0.004, -0.004, 0.004, 0.0])
+    apart[wrong], apart[(wrong + 1) % 3], apart[(wrong + 2) % 3] = 0.0, 0.004, -0.004  # it is opposite both
+    samples = angles(np.pi, apart=apart)
     samples[:, wrong] = (samples[:, wrong] + off + np.pi) % TURN - np.pi
     failed = voted(samples, channels=3).failed_at()
     assert [c for c in range(3) if failed[c] is not None] == [wrong]
