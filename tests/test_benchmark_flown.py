@@ -7,6 +7,7 @@ import pytest
 from benchmark_flights import white, white_signal
 
 from rig.computer.redundancy.baseline_managers.baseline_settings import Baselines
+from rig.studies.benchmark import healthy_flights
 from rig.studies.benchmark.entrants import Entrant, OfSignal
 from rig.studies.benchmark.healthy_flights import counted, exceeded, isolations, transients
 
@@ -24,6 +25,17 @@ def test_bursts_below_the_persistence_fail_no_channel(name: str):
     assert all((row["bursts"], row["failed"]) == (10, 0) for row in found)
     sizes = [(1, 10.0), (1, 100.0), (3, 10.0), (3, 100.0), (7, 10.0), (7, 100.0)]
     assert [(row["frames"], row["thresholds"]) for row in found] == sizes
+
+
+def test_bursts_of_an_angle_stay_on_its_circle(monkeypatch: pytest.MonkeyPatch):
+    """Beyond its end they would be invalid samples."""
+    seen: list[Any] = []
+    failing = healthy_flights.failing
+    monkeypatch.setattr(healthy_flights, "failing", lambda *given: seen.extend(given[3]) or failing(*given))
+    signal = white_signal(8)
+    bursts("median", signal._replace(given=signal.given.model_copy(update={"wraps": True, "range": None})), {})
+    assert len(seen) == 2 + 2 * 6 and max(np.abs(flight.samples).max() for flight in seen) <= np.pi
+    assert all(np.abs(flight.samples).max() > 0.5 for flight in seen[2:])  # of 10 or 100, the short way
 
 
 def test_as_published_every_burst_fails_somebody():

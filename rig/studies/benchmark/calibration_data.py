@@ -102,7 +102,7 @@ def measured(entrant: Entrant, signal: OfSignal, healthy: Healthy, budget_per_h:
 
 
 def _read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy that nobody can write: its memory is that of ``bytes``."""
+    """Return a copy in memory that cannot be made writable again."""
     return np.frombuffer(values.tobytes(), values.dtype).reshape(values.shape)
 
 

@@ -232,7 +232,7 @@ def _tests(signal: OfSignal, blocks: Sequence[DataBlock], sums: bool) -> Iterato
     def measure(factors: Mapping[str, float]) -> list[Measured]:
         return [watched((each, None), params, bare_tests(figures, factors)) for each in channels]
 
-    held = 0
+    held = 0  # margins; HELD is what ``settled`` lets a share exceed its factor by
     for margin in BESIDE_SUMS if sums else MARGINS:
         if margin == BIASES_ALONE:
             yield figures.model_copy(update=dict.fromkeys(FACTORS, margin))

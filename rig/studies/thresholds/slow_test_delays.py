@@ -70,7 +70,7 @@ def delays(
 ) -> Delays:
     """Return the delays of a signal; of two channels there are none: halves of them need the reference.
 
-    threshold, allowance, noise : standard deviation that the channels have in common, unit of the signal
+    threshold; noise : standard deviation that the channels have in common; allowance : for motion; unit of the signal
     fitted : how many channels, and frames a second
     """
     channels, rate_hz = fitted
